@@ -17,6 +17,7 @@ mod prefetch;
 mod projection;
 mod pvs_culler;
 mod pvs_object_by_object;
+mod residency;
 mod results;
 mod same_answers;
 mod scene_model;

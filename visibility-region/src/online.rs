@@ -20,7 +20,7 @@ use core::fmt;
 use visibility_core::bits::Bits;
 use visibility_core::culler::Lack;
 use visibility_core::glam::DVec3;
-use visibility_core::pvs::Viewcell;
+use visibility_core::pvs::{HiddenSets, Viewcell, importance};
 use visibility_core::scene::{Changes, SceneCursor};
 use visibility_core::stamp::Stamp;
 use visibility_core::view::Eye;
@@ -634,22 +634,12 @@ impl OnlinePvs {
         self.last_hidden.unite(hidden);
         for list in [&mut self.came, &mut self.went] {
             self.ranked.clear();
-            self.ranked.extend(list.iter().map(|&id| (importance(scene, id, around), id)));
+            self.ranked.extend(list.iter().map(|&id| (importance(scene, id, around.0, around.1), id)));
             self.ranked.sort_unstable_by(|(a, i), (b, j)| b.total_cmp(a).then(i.index().cmp(&j.index())));
             list.clear();
             list.extend(self.ranked.iter().map(|&(_, id)| id));
         }
     }
-}
-
-/// Returns the diagonal of an object's bounds divided by their distance from a box in world space. For small
-/// angles, this is about the greatest angle in radians at which the box sees the object. Infinite for an
-/// object that reaches into the box, and 0 for an unknown one.
-fn importance(scene: &Scene, id: ObjectId, (low, high): (DVec3, DVec3)) -> f64 {
-    let Ok(bounds) = scene.bounds(id) else { return 0.0 };
-    let [min, max] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin());
-    let distance = (min - high).max(low - max).max(DVec3::ZERO).length();
-    if distance > 0.0 { (max - min).length() / distance } else { f64::INFINITY }
 }
 
 /// Returns the indices of objects as bits.
@@ -662,6 +652,18 @@ fn bits_of(ids: &[ObjectId], scene: &Scene) -> Bits {
 /// Returns whether a viewcell's box holds the box from `low` to `high`.
 fn holds(cell: &Viewcell, low: DVec3, high: DVec3) -> bool {
     cell.min.cmple(low).all() && high.cmple(cell.max).all()
+}
+
+impl HiddenSets for OnlinePvs {
+    /// As [`hidden_from`](Self::hidden_from), which lends its answer. The eye's box must lie in one viewcell,
+    /// so it should extend at most the [margin](Self::with_margin) around a place given to
+    /// [`step`](Self::step).
+    fn write_hidden(&mut self, scene: &Scene, min: DVec3, max: DVec3, hidden: &mut Bits) -> bool {
+        let Some(answer) = self.hidden_from(scene, min, max) else { return false };
+        hidden.reset(scene.index_limit());
+        hidden.unite(answer);
+        true
+    }
 }
 
 impl Culler for OnlinePvs {

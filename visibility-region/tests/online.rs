@@ -4,7 +4,7 @@
 use crate::common::{World, random_world};
 use std::collections::BTreeSet;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
-use visibility_core::pvs::Viewcell;
+use visibility_core::pvs::{Residency, Transfer, Viewcell};
 use visibility_core::view::Eye;
 use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, Object, ObjectId, OccluderMesh, Pose, RegionCuller, Scene, View,
@@ -368,6 +368,30 @@ fn what_comes_and_goes_is_in_order_of_size_over_distance() {
     street.frame(0.0, 1);
     assert_eq!(street.online.came(), expected, "all come again, in coordinates of another origin");
     assert_eq!(street.online.went(), [], "none is out of sight");
+}
+
+#[test]
+fn a_residency_drops_by_sets_that_are_made_and_nothing_while_they_are_late() {
+    let mut street = Street::new();
+    let (wall, front, back) = (street.wall, street.front, street.back);
+    // Room for two of the three objects.
+    let mut residency = Residency::new(20);
+    let mut update = |street: &mut Street, x: f64| {
+        let place = [DVec3::X * x - 0.05, DVec3::X * x + 0.05];
+        residency.update(&street.world.scene, &mut street.online, &[place], |_| 10, 100);
+        let ids = |list: &[Transfer]| list.iter().map(|transfer| transfer.object).collect::<Vec<_>>();
+        (ids(residency.loads()), ids(residency.drops()), residency.is_complete())
+    };
+    assert_eq!(update(&mut street, 0.0), (vec![wall, front], vec![], false), "all may be visible");
+    street.make(0.0);
+    assert_eq!(update(&mut street, 0.0), (vec![], vec![], true), "the post behind the wall is not needed");
+    // Between the wall and the post behind it.
+    assert_eq!(update(&mut street, 15.0), (vec![], vec![], false), "no box there: nothing is dropped");
+    while street.online.step(&street.world.scene, &[DVec3::X * 15.0], WHOLE).is_some() {}
+    assert_eq!(update(&mut street, 15.0), (vec![back], vec![front], true), "the posts change places");
+    let before_eye = Aabb::from_arrays([12.0, 0.0, 0.0], [12.5, 0.5, 1.0]);
+    street.world.scene.set_bounds(front, before_eye).unwrap();
+    assert_eq!(update(&mut street, 15.0), (vec![], vec![], false), "what moves may be visible at once");
 }
 
 #[test]

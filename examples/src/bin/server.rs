@@ -136,8 +136,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
         things.iter_mut().step_by(10).for_each(|thing| thing.walk(&level, step, &mut random));
         let start = Instant::now();
         let person = |walker: &Walker| level.person(walker.eye()).within(arguments.latency, arguments.speed);
-        let observers: Vec<Reach> = players.iter().map(person).collect();
-        let mut targets = observers[..arguments.players].to_vec();
+        let eyes = |walker: &Walker| Level::eyes(walker.eye()).within(arguments.latency, arguments.speed);
+        let observers: Vec<Reach> = players.iter().map(eyes).collect();
+        let mut targets: Vec<Reach> = players[..arguments.players].iter().map(person).collect();
         targets.extend(things.iter().enumerate().map(|(i, thing)| match i % 10 {
             0 => person(thing),
             _ => level.person(thing.eye()),
@@ -165,7 +166,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
                 }
                 let is_seen = (0..arguments.segments).any(|_| {
                     let from = level.point_of(&observers[a], &mut random);
-                    level.is_free(from, level.point_of(&targets[b], &mut random))
+                    let to = level.point_of(&targets[b], &mut random);
+                    level.is_free(from, to)
                 });
                 judged.pairs += 1;
                 judged.seen += usize::from(is_seen);

@@ -20,6 +20,8 @@ use visibility_testing::Random;
 const EYE: [f64; 2] = [1.6, 1.8];
 /// Half the width of a person in metres.
 const HALF: f64 = 0.3;
+/// Greatest distance along each axis, in metres, from a person's eye to the camera: it leans and bobs.
+const LEAN: f64 = 0.15;
 /// Maximum number of portal chains tested per cell. Everything not proven hidden by then counts as visible
 /// from the cell.
 const STEPS: u64 = 20_000;
@@ -142,12 +144,19 @@ impl Level {
             let is_free = [DVec3::ZERO, side, -side]
                 .iter()
                 .all(|&side| self.is_free(self.places[from] + side, to + side + ahead));
-            if is_free && self.is_free(self.places[from], self.places[from] + side) {
+            let is_free = is_free && self.is_free(self.places[from], self.places[from] + side);
+            let person = self.person(to);
+            if is_free && self.is_in_cells(&person) {
                 self.ways[from].push(self.places.len());
                 self.ways.push(vec![from]);
                 self.places.push(to);
             }
         }
+    }
+
+    /// Returns whether a mover is in the cells. A mover that is not sees all others and is seen by all.
+    fn is_in_cells(&mut self, reach: &Reach) -> bool {
+        self.cells.cells_of(reach, &mut Vec::new())
     }
 
     /// Returns the box of a person at a place. `eye` is the position of the person's eyes.
@@ -156,6 +165,12 @@ impl Level {
         half[self.up] = 0.0;
         let up = DVec3::AXES[self.up];
         Reach::new(eye - half - up * EYE[0], eye + half + up * (EYE[1] - EYE[0]))
+    }
+
+    /// Returns the box of the eyes of a person, from which the person sees. It is smaller than that of the
+    /// body, whose reach goes through the floor and so sees what is below.
+    pub fn eyes(eye: DVec3) -> Reach {
+        Reach::new(eye - LEAN, eye + LEAN)
     }
 
     /// Returns whether a segment meets no wall or triangle.
@@ -167,17 +182,19 @@ impl Level {
     }
 
     /// Returns a random point of a mover within its reach, such that the step from the middle of the body to
-    /// a point of the body, and from there to the result, is unobstructed.
-    pub fn point_of(&self, reach: &Reach, random: &mut Random) -> DVec3 {
+    /// a point of the body, and from there to the result, is unobstructed and ends in the cells: movers do
+    /// not leave a building by its windows.
+    pub fn point_of(&mut self, reach: &Reach, random: &mut Random) -> DVec3 {
         let middle = (reach.min + reach.max) * 0.5;
         let mut point = middle;
         let unit = DVec3::new(random.unit(), random.unit(), random.unit());
         let body = reach.min + (reach.max - reach.min) * unit;
-        if self.is_free(middle, body) {
+        let mut is_step = |from, to| self.is_free(from, to) && self.is_in_cells(&Reach::new(to, to));
+        if is_step(middle, body) {
             point = body;
         }
         let moved = point + random.direction() * (reach.margin * random.unit().cbrt());
-        if self.is_free(point, moved) { moved } else { point }
+        if is_step(point, moved) { moved } else { point }
     }
 }
 

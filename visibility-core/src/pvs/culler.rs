@@ -1,8 +1,8 @@
 //! Culling by a potentially visible set.
 
-use super::{Pvs, PvsTargets, Viewcells};
+use super::{HiddenSets, Pvs, PvsTargets, Viewcells};
 use crate::{
-    Accuracy, CullStats, Culler, Object, ObjectId, Scene, View, VisibleSet,
+    Aabb, Accuracy, CullStats, Culler, Object, ObjectId, Scene, View, VisibleSet,
     bits::Bits,
     culler::Lack,
     level_version::level_object,
@@ -270,6 +270,9 @@ pub struct PvsCuller<S> {
     /// `t`.
     seen: Vec<u64>,
     seen_from_one: Vec<u64>,
+    /// Scratch of [`write_hidden`](HiddenSets::write_hidden): the union of the rows of the viewcells that a
+    /// box touches, as in `seen`.
+    seen_from_box: Vec<u64>,
     /// Mask of each node of the scene's hierarchy, bit i for lane i. In a leaf: whether the object in the
     /// lane counts as visible from the viewcells in `entered`. In an inner node: whether such an object is
     /// below.
@@ -304,6 +307,7 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             reached: Vec::new(),
             seen: Vec::new(),
             seen_from_one: Vec::new(),
+            seen_from_box: Vec::new(),
             masks: Vec::new(),
             masks_layout: Stamp::NONE,
             changed: Bits::EMPTY,
@@ -447,5 +451,57 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
         if !shared.is_checked && unchecked > 0 {
             each(Lack { what: "objects hidden by a PVS that may be of another level", count: unchecked });
         }
+    }
+}
+
+impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
+    /// Takes the union of the rows of all viewcells that the box touches. The answer is not known where
+    /// [`cull`](Culler::cull) hides nothing in every view, and if viewcells do not cover the sides of the
+    /// box: a line of sight from a gap inside leaves the box through a side, or ends at an object in the box,
+    /// and objects in the box are not hidden. Frames are not affected.
+    fn write_hidden(&mut self, scene: &Scene, min: DVec3, max: DVec3, hidden: &mut Bits) -> bool {
+        self.follow(scene);
+        let shared = self.shared.borrow();
+        let is_usable = min.cmple(max).all() && min.is_finite() && max.is_finite();
+        if !is_usable || self.lost || shared.occluder_layers.contains(&0) {
+            return false;
+        }
+        self.entering.clear();
+        // Corners relative to `min` are rounded by half of this.
+        let error = f64::EPSILON * (max - min).max_element();
+        for (axis, side) in (0..3).flat_map(|axis| [(axis, min), (axis, max)]) {
+            let corner = |i: usize, j: usize| {
+                let mut corner = side;
+                let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
+                (corner[u], corner[v]) = ([min[u], max[u]][i], [min[v], max[v]][j]);
+                corner - min
+            };
+            let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+            if !shared.viewcells.reached(&corners, min, error, &mut self.reached) {
+                return false;
+            }
+            self.entering.extend_from_slice(&self.reached);
+        }
+        shared.viewcells.for_each_touching(min, max, |cell| self.entering.push(cell));
+        self.entering.sort_unstable();
+        self.entering.dedup();
+        let ScenePvs { pvs, target_limit, .. } = shared;
+        pvs.write_first_union(
+            &self.entering,
+            *target_limit,
+            &mut self.seen_from_box,
+            &mut self.seen_from_one,
+        );
+        hidden.reset(scene.index_limit());
+        let around = Aabb::from_world(min, max, scene.origin());
+        let is_apart = |bounds: &Aabb| !(bounds.min.cmple(around.max) & around.min.cmple(bounds.max)).all();
+        for (id, _) in shared.objects() {
+            if scene.bounds(id).is_ok_and(|bounds| is_apart(&bounds)) {
+                hidden.insert(id.index());
+            }
+        }
+        shared.for_each_seen(&self.seen_from_box, |id| _ = hidden.remove(id.index()));
+        self.changed.iter().for_each(|index| _ = hidden.remove(index));
+        true
     }
 }

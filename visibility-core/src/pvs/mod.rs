@@ -25,15 +25,19 @@
 
 mod culler;
 mod error;
+mod hidden_sets;
 mod prefetch;
 mod reached;
 mod read;
+mod residency;
 mod runs;
 mod viewcells;
 
 pub use culler::{PvsCuller, ScenePvs};
 pub use error::PvsError;
+pub use hidden_sets::{HiddenSets, importance};
 pub use prefetch::{Arrival, Prefetch};
+pub use residency::{Residency, Transfer};
 pub use viewcells::{Viewcell, ViewcellId, Viewcells};
 
 use crate::binary_format::{Format, HEADER_LENGTH, Writer, push_number};

@@ -1,0 +1,37 @@
+//! `HiddenSets`: what is hidden from all of a box, as baked sets and sets made online both answer it; and how
+//! much an object matters to an eye in that box.
+
+use crate::bits::Bits;
+use crate::{ObjectId, Scene};
+use glam::DVec3;
+
+/// Visible sets that are asked for a box of eye positions, for all directions of view. Implemented by
+/// [`PvsCuller`](super::PvsCuller), for baked sets, and by `visibility_region::OnlinePvs`, for sets made
+/// online, so that a [`Residency`](super::Residency) streams by either.
+pub trait HiddenSets {
+    /// Replaces `hidden` by the [indices](ObjectId::index) of the objects that are hidden from every point of
+    /// a box in world space, from `min` to `max`, in metres. Objects that no culler may remove may be among
+    /// them. Only for eyes for which all occluders of the scene are drawn.
+    ///
+    /// Returns false if the answer is not known: it is not made yet, the box is not covered by viewcells, it
+    /// is inverted or not finite, or the scene has changed too much. Every object may be visible then, and
+    /// the content of `hidden` is unspecified.
+    fn write_hidden(&mut self, scene: &Scene, min: DVec3, max: DVec3, hidden: &mut Bits) -> bool;
+}
+
+/// Returns the diagonal of an object's bounds divided by their distance from a box in world space, from `min`
+/// to `max`. For small angles, this is about the greatest angle in radians at which the object is seen from
+/// the box. Infinite for an object that reaches into the box, and 0 for an unknown one.
+///
+/// ```
+/// use visibility_core::{Aabb, Scene, glam::DVec3, pvs::importance};
+/// let mut scene = Scene::new();
+/// let post = scene.insert(Aabb::from_arrays([11.0, 0.0, 0.0], [14.0, 4.0, 0.0]));
+/// assert_eq!(importance(&scene, post, DVec3::ZERO, DVec3::ONE), 0.5, "5 m long, 10 m away");
+/// ```
+pub fn importance(scene: &Scene, id: ObjectId, min: DVec3, max: DVec3) -> f64 {
+    let Ok(bounds) = scene.bounds(id) else { return 0.0 };
+    let [low, high] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin());
+    let distance = (low - max).max(min - high).max(DVec3::ZERO).length();
+    if distance > 0.0 { (high - low).length() / distance } else { f64::INFINITY }
+}

@@ -1,0 +1,264 @@
+//! `Residency`: which objects a streaming engine keeps in memory, and what it loads and drops next.
+//!
+//! Based on: the ordering of what to read by when and how large it is seen in Thomas Funkhouser, Carlo Sequin
+//! and Seth Teller, "Management of Large Amounts of Data in Interactive Building Walkthroughs", 1992.
+
+use super::{HiddenSets, importance};
+use crate::bits::Bits;
+use crate::{ObjectId, Scene};
+use alloc::vec::Vec;
+use glam::DVec3;
+
+/// An object that is to be loaded or dropped.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
+pub struct Transfer {
+    /// Object to be loaded or dropped.
+    pub object: ObjectId,
+    /// Size of the object in bytes. For an object that is dropped, its size when it was loaded.
+    pub bytes: u64,
+}
+
+/// Place of an object that is hidden from all places of an update.
+const NOWHERE: u32 = u32::MAX;
+
+/// The objects that a streaming engine has in memory. Tells which objects to load, most important first, and
+/// which to drop for them, so that loads keep to a budget of bytes for each update, and what is in memory
+/// keeps to a limit.
+///
+/// An update is given *places*: the box that the eye is in, then boxes that it may be in later, soonest
+/// first. An object is needed at the first place from which it is not hidden. Objects needed sooner are
+/// loaded before objects needed later, and among these the one with the greatest [`importance`] from the
+/// place comes first. Equal ones come by [index](ObjectId::index).
+///
+/// An object is dropped only for the memory that a more urgent one needs: first the objects that are hidden
+/// from all places, the least important one first, then those needed last. An object that may be visible from
+/// the first place is never dropped. If the sets do not know what is hidden from a place, all objects may be
+/// needed there: from the first place this loads objects that no set asks for, by their importance, and drops
+/// none. An unknown later place loads nothing, and lets an object be dropped only for one that is needed
+/// sooner.
+///
+/// # Cost
+/// An update takes some nanoseconds for each object of the scene and each place, besides what the sets take,
+/// and sorts the objects that are needed and not in memory. Once memory is as large as needed, an update
+/// allocates nothing.
+///
+/// ```
+/// use visibility_core::pvs::{Pvs, PvsCuller, PvsTargets, Residency, ScenePvs, Viewcell, Viewcells};
+/// use visibility_core::{glam::DVec3, Aabb, Scene};
+/// let mut scene = Scene::new();
+/// let [here, there] = [5.0, 15.0].map(|x| scene.insert(Aabb::from_arrays([x, 0.0, 0.0], [x + 1.0,
+///     1.0, 1.0])));
+/// // From the first room only the first object is seen.
+/// let pvs = Pvs::new(PvsTargets::Objects, 2, &[vec![0], vec![0, 1]], |_| [])?;
+/// let rooms = [0.0, 10.0].map(|x| Viewcell::from_box(DVec3::new(x, -5.0, -5.0), DVec3::new(x + 10.0,
+///     5.0, 5.0)));
+/// let mut sets = PvsCuller::new(ScenePvs::new(&scene, pvs, Viewcells::new(rooms), [(here, 0), (there, 1)]));
+/// // Room for 100 bytes; each update may load 60. Every object has 40.
+/// let mut residency = Residency::new(100);
+/// let around = |x: f64| [DVec3::new(x - 0.3, 0.0, 0.0), DVec3::new(x + 0.3, 0.6, 0.6)];
+/// residency.update(&scene, &mut sets, &[around(6.0)], |_| 40, 60);
+/// assert_eq!((residency.loads().len(), residency.loads()[0].object), (1, here));
+/// // The eye will be in the second room soon.
+/// residency.update(&scene, &mut sets, &[around(6.0), around(12.0)], |_| 40, 60);
+/// assert_eq!((residency.loads()[0].object, residency.bytes()), (there, 80));
+/// # Ok::<(), visibility_core::pvs::PvsError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Residency {
+    /// Greatest number of bytes in memory.
+    limit: u64,
+    /// Objects in memory with their bytes, indexed by [`ObjectId::index`].
+    resident: Vec<Option<Transfer>>,
+    /// Sum of the bytes in `resident`.
+    bytes: u64,
+    /// Bytes by which earlier updates have exceeded their budgets.
+    debt: u64,
+    loads: Vec<Transfer>,
+    drops: Vec<Transfer>,
+    is_complete: bool,
+    /// Indexed by [`ObjectId::index`]: number of the first place from which the object is not hidden, or
+    /// [`NOWHERE`].
+    needed: Vec<u32>,
+    /// Scratch: the objects hidden from a place.
+    hidden: Bits,
+    /// Scratch: objects to load, most urgent first, and objects that may be dropped, least urgent last.
+    missing: Vec<Ranked>,
+    droppable: Vec<Ranked>,
+}
+
+/// An object with its urgency: the sooner place is more urgent, and at one place the greater importance.
+#[derive(Clone, Copy, Debug)]
+struct Ranked {
+    place: u32,
+    importance: f64,
+    object: ObjectId,
+}
+
+/// Sorts objects, most urgent first.
+fn sort(objects: &mut [Ranked]) {
+    objects.sort_unstable_by(|a, b| {
+        let by_place = a.place.cmp(&b.place).then(b.importance.total_cmp(&a.importance));
+        by_place.then(a.object.index().cmp(&b.object.index()))
+    });
+}
+
+impl Residency {
+    /// Makes an empty memory for at most `limit` bytes of objects.
+    pub fn new(limit: u64) -> Self {
+        Self {
+            limit,
+            resident: Vec::new(),
+            bytes: 0,
+            debt: 0,
+            loads: Vec::new(),
+            drops: Vec::new(),
+            is_complete: false,
+            needed: Vec::new(),
+            hidden: Bits::EMPTY,
+            missing: Vec::new(),
+            droppable: Vec::new(),
+        }
+    }
+
+    /// Finds what to [load](Self::loads) and to [drop](Self::drops) now, and counts it as loaded and dropped.
+    /// `places` are boxes in world space, each given by its minimum and its maximum in metres. `size` gives
+    /// the bytes of an object that is to be loaded. All updates are for the same scene.
+    ///
+    /// Loads take up to `budget` bytes in the order of their urgency. The last one may exceed the budget;
+    /// what it takes more is subtracted from the next budgets, so that objects of any size are loaded. An
+    /// object larger than the limit of the memory is left out. The first object for which nothing more may be
+    /// dropped ends the loads. Objects that were removed from the scene are always dropped. Without places
+    /// nothing else is loaded or dropped.
+    pub fn update(
+        &mut self,
+        scene: &Scene,
+        sets: &mut dyn HiddenSets,
+        places: &[[DVec3; 2]],
+        mut size: impl FnMut(ObjectId) -> u64,
+        budget: u64,
+    ) {
+        self.loads.clear();
+        self.drops.clear();
+        self.resident.resize(scene.index_limit().max(self.resident.len()), None);
+        for index in 0..self.resident.len() {
+            if self.resident[index].is_some_and(|resident| !scene.contains(resident.object)) {
+                self.release(index);
+            }
+        }
+        let unknown = self.find_needs(scene, sets, places);
+        self.rank(scene, places, unknown);
+        let paid = self.debt.min(budget);
+        self.debt -= paid;
+        let mut left = budget - paid;
+        self.is_complete = !places.is_empty();
+        for at in 0..self.missing.len() {
+            let Ranked { place, object, .. } = self.missing[at];
+            let bytes = if left > 0 { size(object) } else { 0 };
+            let is_loaded = left > 0 && self.make_room(bytes, place);
+            self.is_complete &= is_loaded || place > 0;
+            if is_loaded {
+                let transfer = Transfer { object, bytes };
+                self.resident[object.index()] = Some(transfer);
+                self.loads.push(transfer);
+                self.bytes += bytes;
+                self.debt = self.debt.saturating_add(bytes.saturating_sub(left));
+                left = left.saturating_sub(bytes);
+            } else if left == 0 || bytes <= self.limit {
+                break;
+            }
+        }
+    }
+
+    /// Fills `needed`. Returns the number of the first place of which the sets do not know what is hidden;
+    /// [`NOWHERE`] if they know all.
+    fn find_needs(&mut self, scene: &Scene, sets: &mut dyn HiddenSets, places: &[[DVec3; 2]]) -> u32 {
+        self.needed.clear();
+        self.needed.resize(scene.index_limit(), NOWHERE);
+        let mut unknown = NOWHERE;
+        for (place, &[min, max]) in (0..).zip(places) {
+            let is_known = sets.write_hidden(scene, min, max, &mut self.hidden);
+            if !is_known {
+                unknown = unknown.min(place);
+            }
+            if !is_known && place > 0 {
+                continue;
+            }
+            let is_culled = |id| scene.object(id).is_ok_and(|object| !object.is_unculled());
+            for id in scene.ids() {
+                let needed = &mut self.needed[id.index()];
+                let is_hidden = is_known && self.hidden.contains(id.index()) && is_culled(id);
+                if *needed == NOWHERE && !is_hidden {
+                    *needed = place;
+                }
+            }
+        }
+        unknown
+    }
+
+    /// Fills `missing` and `droppable`. `unknown` is the result of [`find_needs`](Self::find_needs).
+    fn rank(&mut self, scene: &Scene, places: &[[DVec3; 2]], unknown: u32) {
+        self.missing.clear();
+        self.droppable.clear();
+        let Some(&first) = places.first() else { return };
+        for id in scene.ids() {
+            let is_resident = self.resident[id.index()].is_some();
+            let needed = self.needed[id.index()];
+            let place = if is_resident { needed.min(unknown) } else { needed };
+            if if is_resident { place == 0 } else { place == NOWHERE } {
+                continue;
+            }
+            let [min, max] = places.get(place as usize).copied().unwrap_or(first);
+            let ranked = Ranked { place, importance: importance(scene, id, min, max), object: id };
+            if is_resident { self.droppable.push(ranked) } else { self.missing.push(ranked) }
+        }
+        sort(&mut self.missing);
+        sort(&mut self.droppable);
+    }
+
+    /// Drops objects needed later than `place`, until so many `bytes` more keep to the limit. Returns whether
+    /// they do. Drops none for more bytes than the limit.
+    fn make_room(&mut self, bytes: u64, place: u32) -> bool {
+        while bytes <= self.limit && bytes > self.limit - self.bytes {
+            let Some(last) = self.droppable.pop_if(|last| last.place > place) else { return false };
+            self.release(last.object.index());
+        }
+        bytes <= self.limit
+    }
+
+    /// Takes an object out of memory.
+    fn release(&mut self, index: usize) {
+        if let Some(dropped) = self.resident.get_mut(index).and_then(Option::take) {
+            self.bytes -= dropped.bytes;
+            self.drops.push(dropped);
+        }
+    }
+
+    /// Returns the objects to be loaded by the last [update](Self::update), most urgent first.
+    pub fn loads(&self) -> &[Transfer] {
+        &self.loads
+    }
+
+    /// Returns the objects to be dropped by the last [update](Self::update), least urgent first, after those
+    /// that were removed from the scene.
+    pub fn drops(&self) -> &[Transfer] {
+        &self.drops
+    }
+
+    /// Returns whether an object is in memory.
+    pub fn contains(&self, id: ObjectId) -> bool {
+        let resident = self.resident.get(id.index());
+        resident.is_some_and(|resident| resident.is_some_and(|resident| resident.object == id))
+    }
+
+    /// Returns the number of bytes in memory, at most the limit.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Returns whether all objects that may be visible from the first place of the last
+    /// [update](Self::update) are in memory. False before the first update, and after one without places.
+    pub fn is_complete(&self) -> bool {
+        self.is_complete
+    }
+}

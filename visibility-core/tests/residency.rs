@@ -1,0 +1,305 @@
+//! Tests of `Residency`: it never drops what may be visible, keeps to its budget and its limit, and loads and
+//! drops in the order of urgency. Tests of the sets of a box that `PvsCuller` gives it.
+
+use std::collections::BTreeMap;
+use visibility_core::bits::Bits;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::{
+    HiddenSets, Pvs, PvsCuller, PvsTargets, Residency, ScenePvs, Transfer, Viewcell, Viewcells,
+};
+use visibility_core::{Aabb, Object, ObjectId, Scene};
+use visibility_testing::Random;
+
+/// Hidden objects by the whole number of the least x of a box. Unknown for other numbers.
+#[derive(Default)]
+struct Given(BTreeMap<i64, Vec<ObjectId>>);
+
+impl HiddenSets for Given {
+    fn write_hidden(&mut self, scene: &Scene, min: DVec3, _: DVec3, hidden: &mut Bits) -> bool {
+        let Some(ids) = self.0.get(&(min.x as i64)) else { return false };
+        hidden.reset(scene.index_limit());
+        ids.iter().for_each(|id| _ = hidden.insert(id.index()));
+        true
+    }
+}
+
+fn place(x: f64) -> [DVec3; 2] {
+    [DVec3::X * x, DVec3::X * x + 0.5]
+}
+
+fn objects(transfers: &[Transfer]) -> Vec<ObjectId> {
+    transfers.iter().map(|transfer| transfer.object).collect()
+}
+
+/// Returns a scene of slabs, the first at x = 10 and each of the others 10 m farther than the one before: the
+/// nearer, the more important, from places below x = 9.
+fn slabs(count: usize) -> (Scene, Vec<ObjectId>) {
+    let mut scene = Scene::new();
+    let at = |i: usize| 10.0 * (i + 1) as f32;
+    let ids = scene.insert_batch((0..count).map(|i| Aabb::from_arrays([at(i), 0.0, 0.0], [at(i) + 1.0; 3])));
+    (scene, ids)
+}
+
+#[test]
+fn random_updates_keep_to_budget_and_limit_and_never_drop_what_may_be_visible() {
+    let mut random = Random(3);
+    let (mut dropped, mut spared, mut late) = (0, 0, 0);
+    for round in 0..40 {
+        let (mut scene, mut ids) = slabs(60);
+        let sizes: Vec<u64> = ids.iter().map(|_| 1 + random.below(50) as u64).collect();
+        let limit = 300 + random.below(600) as u64;
+        let mut residency = Residency::new(limit);
+        let mut memory: BTreeMap<ObjectId, u64> = BTreeMap::new();
+        let (mut granted, mut loaded) = (0, 0);
+        for update in 0..60 {
+            if random.below(10) == 0 {
+                scene.remove(ids.swap_remove(random.below(ids.len()))).unwrap();
+            }
+            let mut sets = Given::default();
+            for x in 0..4 {
+                if random.below(4) > 0 {
+                    let share = 1 + random.below(5);
+                    sets.0.insert(x, ids.iter().copied().filter(|_| random.below(6) >= share).collect());
+                }
+            }
+            let places: Vec<_> = (0..1 + random.below(4)).map(|x| place(x as f64)).collect();
+            let budget = random.below(120) as u64;
+            granted += budget;
+            residency.update(&scene, &mut sets, &places, |id| sizes[id.index()], budget);
+            let case = format!("round {round}, update {update}");
+            let visible = |id: ObjectId| sets.0.get(&0).is_none_or(|hidden| !hidden.contains(&id));
+            for drop in residency.drops() {
+                let is_removed = !scene.contains(drop.object);
+                assert!(is_removed || !visible(drop.object), "{case}: {} may be visible", drop.object);
+                assert_eq!(memory.remove(&drop.object), Some(drop.bytes), "{case}: {}", drop.object);
+                dropped += usize::from(!is_removed);
+            }
+            for load in residency.loads() {
+                assert_eq!(load.bytes, sizes[load.object.index()], "{case}: {}", load.object);
+                assert_eq!(memory.insert(load.object, load.bytes), None, "{case}: {} twice", load.object);
+                loaded += load.bytes;
+            }
+            assert_eq!(residency.bytes(), memory.values().sum(), "{case}: bytes in memory");
+            assert!(residency.bytes() <= limit, "{case}: the limit is {limit}");
+            assert!(loaded < granted + 50, "{case}: {loaded} bytes loaded of {granted}");
+            assert!(ids.iter().all(|id| residency.contains(*id) == memory.contains_key(id)), "{case}");
+            let all = ids.iter().filter(|&&id| visible(id)).all(|id| memory.contains_key(id));
+            assert_eq!(residency.is_complete(), all, "{case}: all that may be visible is in memory");
+            spared += memory.keys().filter(|&&id| !visible(id)).count();
+            late += usize::from(!sets.0.contains_key(&0));
+        }
+    }
+    assert!(dropped > 500 && spared > 5000 && late > 300, "{dropped} dropped, {spared} spared, {late} late");
+}
+
+#[test]
+fn loads_come_by_place_and_then_by_importance() {
+    let (mut scene, ids) = slabs(6);
+    // On the other side, as near as the fifth, and smaller.
+    let behind = scene.insert(Aabb::from_arrays([-60.0, 0.0, 0.0], [-50.0, 10.0, 10.0]));
+    let mut sets = Given::default();
+    sets.0.insert(0, vec![ids[0], ids[1], ids[2], ids[5]]);
+    sets.0.insert(1, vec![ids[0], ids[3], ids[4], ids[5], behind]);
+    let mut residency = Residency::new(100);
+    let mut update = |budget| {
+        residency.update(&scene, &mut sets, &[place(0.0), place(1.0)], |_| 10, budget);
+        (objects(residency.loads()), residency.is_complete())
+    };
+    assert_eq!(update(0), (vec![], false), "no budget");
+    assert_eq!(update(5), (vec![ids[3]], false), "the largest that is seen now, 5 bytes over the budget");
+    assert_eq!(update(5), (vec![], false), "the debt is paid");
+    assert_eq!(update(25), (vec![ids[4], behind, ids[1]], true), "then the others, and what is seen next");
+    assert_eq!(update(10), (vec![ids[2]], true), "5 bytes of debt, and 5 over");
+    assert_eq!(update(100), (vec![], true), "what is hidden from both places stays out");
+}
+
+#[test]
+fn what_is_hidden_from_all_places_is_dropped_first_and_what_may_be_visible_never() {
+    let (mut scene, ids) = slabs(7);
+    let mut sets = Given::default();
+    sets.0.insert(0, vec![]);
+    let mut residency = Residency::new(40);
+    residency.update(&scene, &mut sets, &[place(0.0)], |_| 10, 1000);
+    assert_eq!(objects(residency.loads()), ids[..4], "as many as there is room for");
+    assert!(residency.drops().is_empty() && !residency.is_complete(), "all may be visible");
+    // Now only 4, 5 and 6 are seen; 3 will be.
+    sets.0.insert(0, ids[..4].to_vec());
+    sets.0.insert(1, [&ids[..3], &ids[4..]].concat());
+    let places = [place(0.0), place(1.0)];
+    residency.update(&scene, &mut sets, &places, |_| 10, 20);
+    assert_eq!(objects(residency.loads()), [ids[4], ids[5]], "as many as the budget allows");
+    assert_eq!(objects(residency.drops()), [ids[2], ids[1]], "the least important of what is not needed");
+    // Not known yet what is seen from the first place: anything may be.
+    let now = sets.0.remove(&0);
+    residency.update(&scene, &mut sets, &places, |_| 10, 1000);
+    assert_eq!((residency.loads(), residency.drops()), (&[][..], &[][..]), "there is no room without drops");
+    // Known now, but not what is seen next: what is needed now is loaded at the cost of anything else.
+    sets.0 = now.map(|now| (0, now)).into_iter().collect();
+    residency.update(&scene, &mut sets, &places, |_| 10, 1000);
+    assert_eq!(objects(residency.drops()), [ids[3]], "all may be needed next: the least important goes");
+    assert_eq!((objects(residency.loads()), residency.is_complete()), (vec![ids[6]], true), "all seen now");
+    // What is seen next is loaded, but drops nothing that may be needed at an unknown place before: 0, which
+    // is hidden from the other places.
+    sets.0.insert(2, [&ids[..1], &ids[3..]].concat());
+    let later = [place(0.0), place(1.0), place(2.0)];
+    residency.update(&scene, &mut sets, &later, |_| 10, 1000);
+    assert_eq!((residency.loads(), residency.drops()), (&[][..], &[][..]), "1 and 2 find no room");
+    scene.remove(ids[0]).unwrap();
+    residency.update(&scene, &mut sets, &[], |_| 10, 1000);
+    assert_eq!(objects(residency.drops()), [ids[0]], "removed objects are dropped without places too");
+    residency.update(&scene, &mut sets, &later, |_| 10, 1000);
+    assert_eq!(objects(residency.loads()), [ids[1]], "there is room for one");
+    sets.0.insert(1, ids.clone());
+    residency.update(&scene, &mut sets, &later, |_| 10, 1000);
+    assert_eq!((residency.loads(), residency.drops()), (&[][..], &[][..]), "2 is not needed sooner than 1");
+}
+
+#[test]
+fn objects_that_are_never_culled_or_do_not_fit_hold_up_nothing() {
+    let (mut scene, ids) = slabs(3);
+    let never =
+        scene.insert(Object { never_cull: true, ..Object::new(Aabb::from_arrays([90.0; 3], [91.0; 3])) });
+    let mut sets = Given::default();
+    sets.0.insert(0, vec![ids[1], never]);
+    let mut residency = Residency::new(50);
+    let size = |id: ObjectId| if id == ids[0] { 51 } else { 10 };
+    residency.update(&scene, &mut sets, &[place(0.0)], size, 1000);
+    assert_eq!(objects(residency.loads()), [ids[2], never], "the first is larger than the limit");
+    assert!(!residency.is_complete(), "the first is missing");
+    let mut residency = Residency::new(u64::MAX);
+    residency.update(&scene, &mut sets, &[place(0.0)], |_| u64::MAX, u64::MAX);
+    assert_eq!((residency.loads().len(), residency.bytes()), (1, u64::MAX), "no overflow");
+    residency.update(&scene, &mut sets, &[place(0.0)], |_| 1, u64::MAX);
+    assert_eq!(residency.loads(), [], "the memory is full");
+}
+
+/// Returns a scene of 40 objects far from a grid of 4 x 4 viewcells of 2 m, whose rows are random.
+fn baked(random: &mut Random) -> (Scene, ScenePvs, Vec<Vec<u32>>) {
+    let mut scene = Scene::new();
+    let wall =
+        scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([99.0; 3], [100.0; 3])) });
+    let far = |i: usize| Aabb::from_arrays([50.0, i as f32, 0.0], [51.0, i as f32 + 0.5, 1.0]);
+    let mut ids = scene.insert_batch((0..39).map(far));
+    ids.insert(0, wall);
+    let cells = (0..16).map(|i| {
+        let min = DVec3::new(f64::from(i % 4), f64::from(i / 4), 0.0) * 2.0;
+        Viewcell::from_box(min, min + 2.0)
+    });
+    let rows: Vec<Vec<u32>> = (0..16).map(|_| (0..40).filter(|_| random.below(8) == 0).collect()).collect();
+    let pvs = Pvs::new(PvsTargets::Objects, 40, &rows, |_| []).unwrap();
+    let sets = ScenePvs::new(&scene, pvs, Viewcells::new(cells), ids.iter().copied().zip(0..));
+    let sets = sets.with_occluders(&scene, [wall]);
+    (scene, sets, rows)
+}
+
+#[test]
+fn a_baked_set_hides_from_a_box_what_no_viewcell_in_it_sees() {
+    let mut random = Random(8);
+    let (mut answers, mut none) = (0, 0);
+    for round in 0..200 {
+        let (scene, sets, rows) = baked(&mut random);
+        let mut culler = PvsCuller::new(&sets);
+        let min = DVec3::new(random.unit(), random.unit(), random.unit()) * DVec3::new(9.0, 9.0, 2.2) - 0.3;
+        let size = DVec3::new(random.unit(), random.unit(), 0.2 * random.unit()) * 3.0;
+        let max = min + size;
+        let mut hidden = Bits::EMPTY;
+        let is_known = culler.write_hidden(&scene, min, max, &mut hidden);
+        let is_inside = min.cmpge(DVec3::ZERO).all() && max.cmple(DVec3::new(8.0, 8.0, 2.0)).all();
+        assert_eq!(is_known, is_inside, "round {round}: from {min} to {max}");
+        if !is_known {
+            none += 1;
+            continue;
+        }
+        answers += 1;
+        let [low, high] = [min, max].map(|corner| (corner * 0.5).to_array().map(|x| x as usize));
+        let cells = (low[1]..=high[1]).flat_map(|y| (low[0]..=high[0]).map(move |x| 4 * y + x));
+        let seen: Vec<u32> = cells.flat_map(|cell| rows[cell].iter().copied()).collect();
+        for id in scene.ids() {
+            let expected = !seen.contains(&(id.index() as u32));
+            assert_eq!(hidden.contains(id.index()), expected, "round {round}: {id} from {min} to {max}");
+        }
+    }
+    assert!(answers > 40 && none > 40, "{answers} answers, {none} boxes without one");
+}
+
+#[test]
+fn a_baked_set_knows_nothing_after_its_occluder_has_changed_or_for_improper_boxes() {
+    let (mut scene, sets, _) = baked(&mut Random(1));
+    let mut culler = PvsCuller::new(&sets);
+    let mut hidden = Bits::EMPTY;
+    let [min, max] = [DVec3::ONE, DVec3::splat(1.5)];
+    assert!(culler.write_hidden(&scene, min, max, &mut hidden), "a box in a viewcell");
+    let some = hidden.iter().find(|&index| index > 0).expect("objects are hidden");
+    for [min, max] in [[max, min], [DVec3::NAN, max], [min, DVec3::INFINITY], [min, DVec3::splat(3.0)]] {
+        assert!(!culler.write_hidden(&scene, min, max, &mut hidden), "from {min} to {max}");
+    }
+    let id = scene.id_at(some).unwrap();
+    scene.set_bounds(id, Aabb::from_arrays([60.0; 3], [61.0; 3])).unwrap();
+    assert!(culler.write_hidden(&scene, min, max, &mut hidden), "an object moved");
+    assert!(!hidden.contains(some) && hidden.count() > 0, "what moved may be visible");
+    let other = hidden.iter().find(|&index| index > 0).expect("another object is hidden");
+    assert!(!PvsCuller::new(&sets).write_hidden(&scene.clone(), min, max, &mut hidden), "another scene");
+    scene.set_bounds(scene.id_at(0).unwrap(), Aabb::from_arrays([98.0; 3], [99.0; 3])).unwrap();
+    assert!(!culler.write_hidden(&scene, min, max, &mut hidden), "an occluder moved, {other}");
+}
+
+#[test]
+fn a_baked_set_knows_nothing_if_an_occluder_may_be_absent() {
+    let (mut scene, _, _) = baked(&mut Random(1));
+    let wall = scene.id_at(0).unwrap();
+    scene.set_layers(wall, 0).unwrap();
+    let pvs = Pvs::new(PvsTargets::Objects, 1, &[vec![]; 1], |_| []).unwrap();
+    let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+    let sets = ScenePvs::new(&scene, pvs, Viewcells::new([cell]), [(scene.id_at(1).unwrap(), 0)]);
+    let is_known = |sets: &ScenePvs| {
+        PvsCuller::new(sets).write_hidden(&scene, DVec3::ZERO, DVec3::ONE, &mut Bits::EMPTY)
+    };
+    assert!(is_known(&sets), "no occluder");
+    assert!(!is_known(&sets.with_occluders(&scene, [wall])), "an occluder that no view shows");
+}
+
+#[test]
+fn a_box_sees_what_a_viewcell_in_its_middle_sees() {
+    let mut scene = Scene::new();
+    let far = scene.insert(Aabb::from_arrays([90.0; 3], [91.0; 3]));
+    let cells = (0..27).map(|i| {
+        let min = DVec3::new(f64::from(i % 3), f64::from(i / 3 % 3), f64::from(i / 9));
+        Viewcell::from_box(min, min + 1.0)
+    });
+    let rows: Vec<Vec<u32>> = (0..27).map(|i| if i == 13 { vec![0] } else { vec![] }).collect();
+    let pvs = Pvs::new(PvsTargets::Objects, 1, &rows, |_| []).unwrap();
+    let sets = ScenePvs::new(&scene, pvs, Viewcells::new(cells), [(far, 0)]);
+    let is_hidden = |min: f64, max: f64| {
+        let mut hidden = Bits::EMPTY;
+        let [min, max] = [min, max].map(DVec3::splat);
+        assert!(PvsCuller::new(&sets).write_hidden(&scene, min, max, &mut hidden), "from {min} to {max}");
+        hidden.contains(far.index())
+    };
+    assert_eq!([is_hidden(0.1, 0.9), is_hidden(0.5, 2.5)], [true, false], "a corner, and around the middle");
+}
+
+#[test]
+fn what_reaches_into_the_box_is_not_hidden_in_a_gap_between_viewcells() {
+    // Viewcells around a gap of 2 m. Neither sees the object in the gap.
+    let mut scene = Scene::new();
+    let inside = scene.insert(Aabb::from_arrays([0.9; 3], [1.1; 3]));
+    let beside = scene.insert(Aabb::from_arrays([9.0; 3], [9.1; 3]));
+    let sides = (0..6).map(|i| {
+        let (mut min, mut max) = (DVec3::splat(-1.0), DVec3::splat(3.0));
+        if i < 3 {
+            max[i] = 0.5
+        } else {
+            min[i - 3] = 1.5
+        }
+        Viewcell::from_box(min, max)
+    });
+    let pvs = Pvs::new(PvsTargets::Objects, 2, &vec![Vec::<u32>::new(); 6], |_| []).unwrap();
+    let sets = ScenePvs::new(&scene, pvs, Viewcells::new(sides), [(inside, 0), (beside, 1)]);
+    let mut hidden = Bits::EMPTY;
+    assert!(PvsCuller::new(&sets).write_hidden(&scene, DVec3::ZERO, DVec3::splat(2.0), &mut hidden), "sides");
+    assert_eq!(
+        [inside, beside].map(|id| hidden.contains(id.index())),
+        [false, true],
+        "in the gap, and beside"
+    );
+}
