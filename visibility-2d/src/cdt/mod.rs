@@ -13,6 +13,11 @@
 //! - [`Plan::sees`], [`Plan::ray`]: lines of sight between two points, the first wall on a ray.
 //! - [`Plan::look_from_region`]: the walls and triangles seen from anywhere in a triangle, on a segment, in a
 //!   convex cell.
+//! - [`VisibilityGraph`], [`ShortestPath`]: shortest paths among walls, for robots, and for sound that bends
+//!   around corners.
+//! - [`UnseenRegion`], [`HidingPlaces`]: what a set of eyes does not see, its connected parts, and where an
+//!   evader may be when watchers change posts.
+//! - [`Guards`]: few eyes that together see all of a region, and a lower bound on their number.
 //! - [`PlanCells`]: which of many movers see each other.
 //! - [`Plan::set_opacity`]: doors that open and close.
 

@@ -180,7 +180,7 @@ impl UnseenRegion {
 
     /// Returns the area left, in square world units, rounded.
     pub fn area(&self) -> f64 {
-        self.pieces.iter().flatten().map(ConvexPiece::area).sum()
+        self.pieces.iter().flatten().map(ConvexPiece::area).fold(0.0, |sum, area| sum + area)
     }
 
     /// Returns convex polygons that make up what is left, without overlap: their corners in world units,

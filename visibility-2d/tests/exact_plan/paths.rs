@@ -96,6 +96,21 @@ fn a_door_opens_the_way() {
 }
 
 #[test]
+fn legs_are_those_of_a_taut_string() {
+    let square = |x: f64, y: f64| {
+        let corners = [[x, y], [x + 1.0, y], [x + 1.0, y + 1.0], [x, y + 1.0]];
+        (0..4).map(move |i| Wall::new(corners[i], corners[(i + 1) % 4]))
+    };
+    // Two convex obstacles have their sides and four common tangents, wherever they are.
+    for (x, y) in [(3.0, 0.0), (3.0, 5.0), (2.0, 0.5), (0.5, -4.0), (1.5, 1.5)] {
+        let plan = Plan::new(&square(0.0, 0.0).chain(square(x, y)).collect::<Vec<_>>()).unwrap();
+        let graph = VisibilityGraph::new(&plan).unwrap();
+        let counts = (graph.corner_count(), graph.leg_count());
+        assert_eq!(counts, (8, 8 + 4), "corners and legs of two squares, one at {x}, {y}");
+    }
+}
+
+#[test]
 fn bad_points_are_errors_and_leave_no_path() {
     let plan = Plan::from_walls(&[Wall::new([0.0, 0.0], [1.0, 0.0])], 1.0).unwrap();
     let graph = VisibilityGraph::new(&plan).unwrap();
@@ -109,6 +124,10 @@ fn bad_points_are_errors_and_leave_no_path() {
         assert!(path.length().is_none() && path.points().is_empty(), "no path from {from:?} to {to:?}");
     }
     let other = plan_of(&[]);
-    assert_eq!(graph.find_path(&other, [0.0; 2], [0.0; 2], &mut path), Err(PlanError::VisibilityGraph));
+    assert_eq!(
+        graph.find_path(&other, [0.0; 2], [0.0; 2], &mut path),
+        Err(PlanError::VisibilityGraph),
+        "a graph of another plan"
+    );
     assert!(graph.legs(99).is_empty() && graph.corner(&other, 0).is_none(), "corners of no plan");
 }
