@@ -25,8 +25,9 @@ struct Arguments {
     #[arg(required_unless_present = "trees")]
     file: Option<PathBuf>,
 
-    /// Read a scene (a file or a recipe, as `walkthrough --scene` does) in place of a plan, and cut its opaque
-    /// objects but doors at this height. The plan's axes are the two that are not up, x before y before z.
+    /// Read a scene (a file or a recipe, as `walkthrough --scene` does) in place of a plan, and cut its
+    /// opaque objects but doors at this height. The plan's axes are the two that are not up, x before y
+    /// before z.
     #[arg(long, value_name = "METRES", conflicts_with = "trees", allow_hyphen_values = true)]
     slice: Option<f32>,
 

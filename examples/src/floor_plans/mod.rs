@@ -1,5 +1,5 @@
-//! Floor plans: walls read from text, SVG paths, GeoJSON or a cut through a scene, and pictures of what can be
-//! seen. Used by the program `plan`.
+//! Floor plans: walls read from text, SVG paths, GeoJSON or a cut through a scene, and pictures of what can
+//! be seen. Used by the program `plan`.
 
 pub mod drawing;
 pub mod forest_walk;

@@ -30,8 +30,8 @@ pub enum PlanError {
     },
     /// The objects belong to another plan, or no object has the given number.
     Objects,
-    /// A visibility graph or an unseen region belongs to another plan, or a wall's opacity has changed since it
-    /// was made.
+    /// A visibility graph or an unseen region belongs to another plan, or a wall's opacity has changed since
+    /// it was made.
     VisibilityGraph,
     /// A region or an object has no point, or a point outside the rectangle around the plan.
     Region,

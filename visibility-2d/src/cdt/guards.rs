@@ -3,8 +3,8 @@
 //! Guards are chosen greedily by the area that they add, and each is dropped again if the others see all that
 //! it sees. A least set is NP-hard to find (Der-Tsai Lee and Arthur Lin, "Computational Complexity of Art
 //! Gallery Problems", 1986; the survey of Durand's thesis, chapter 2). Witnesses bound it from below: no
-//! guard sees two of them (Yoav Amit, Joseph Mitchell and Eli Packer, "Locating Guards for Visibility Coverage
-//! of Polygons", 2010).
+//! guard sees two of them (Yoav Amit, Joseph Mitchell and Eli Packer, "Locating Guards for Visibility
+//! Coverage of Polygons", 2010).
 
 use super::convex_piece::{ConvexPiece, Wedge};
 use super::error::PlanError;
@@ -23,8 +23,8 @@ const NEAR_CORNER: f64 = 0.9;
 ///
 /// What is guaranteed:
 /// - Coverage is proven, not sampled: the guards together see all points of the region but those
-///   [`uncovered`](Self::uncovered), which is empty unless the plan has triangles too thin for a point inside.
-///   Boundaries count as seen, as in [`UnseenRegion`].
+///   [`uncovered`](Self::uncovered), which is empty unless the plan has triangles too thin for a point
+///   inside. Boundaries count as seen, as in [`UnseenRegion`].
 /// - No guard inside the rectangle around the plan, and on no wall, sees two of the
 ///   [`witnesses`](Self::witnesses). So no set of such guards that covers the region has fewer guards than
 ///   there are witnesses.
@@ -52,8 +52,8 @@ pub struct Guards {
 }
 
 impl Guards {
-    /// Finds guards for the region that is [reachable](UnseenRegion::reachable) from `starts`, in world units.
-    /// Guards stand in the region and on no wall. Walls count with their present opacities.
+    /// Finds guards for the region that is [reachable](UnseenRegion::reachable) from `starts`, in world
+    /// units. Guards stand in the region and on no wall. Walls count with their present opacities.
     ///
     /// Takes time in proportion to the triangles that all places for guards and witnesses see together:
     /// `n s` for `n` triangles in the region that see `s` triangles each, quadratic where all see all.
@@ -224,10 +224,10 @@ enum Claim {
 /// Returns points of a region such that no point off the walls sees two of them, as many as a greedy choice
 /// finds: those first that are seen from the smallest area.
 ///
-/// A point that sees a witness is seen by it, so the triangles and cones that the witness sees are claimed, and
-/// no two witnesses claim a common point. One-way walls count as clear here, since a line of sight may come
-/// through them from the witness or to it. A cone does not enter a triangle that its lines only graze, so three
-/// kinds of triangle are claimed as a whole:
+/// A point that sees a witness is seen by it, so the triangles and cones that the witness sees are claimed,
+/// and no two witnesses claim a common point. One-way walls count as clear here, since a line of sight may
+/// come through them from the witness or to it. A cone does not enter a triangle that its lines only graze,
+/// so three kinds of triangle are claimed as a whole:
 /// - those at the witness,
 /// - those across an edge on whose line the witness lies,
 /// - those around a vertex without walls, at which a guard may stand.

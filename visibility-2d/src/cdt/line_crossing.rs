@@ -36,8 +36,8 @@ impl Line {
         self == other || self == other.reversed()
     }
 
-    /// Returns the sign of the crossing of `first` and `second` as [`side`](Self::side) would: 1, -1 or 0. The
-    /// second line must turn left from the first. Exact.
+    /// Returns the sign of the crossing of `first` and `second` as [`side`](Self::side) would: 1, -1 or 0.
+    /// The second line must turn left from the first. Exact.
     pub(super) fn side_of_crossing(self, first: Self, second: Self) -> i8 {
         let sign = |x: f64| if x > 0.0 { 1 } else { -i8::from(x < 0.0) };
         if self.is_same(first) || self.is_same(second) {

@@ -49,8 +49,8 @@ impl Plan {
 
 impl Reach {
     /// Finds the vertices to which a segment from `point` leads that crosses no wall and touches none between
-    /// its ends. `place` is the place of the point; `is_corner` tells whether a wall ends at or runs through a
-    /// vertex. A point on a wall reaches the vertices on both sides of it. Takes time in proportion to the
+    /// its ends. `place` is the place of the point; `is_corner` tells whether a wall ends at or runs through
+    /// a vertex. A point on a wall reaches the vertices on both sides of it. Takes time in proportion to the
     /// triangles that the point sees.
     pub(super) fn search(
         &mut self,
