@@ -210,6 +210,24 @@ fn each_tooth_of_a_comb_needs_a_guard() {
     }
 }
 
+#[test]
+fn one_way_walls_part_no_witnesses() {
+    // From the room on the left, lines of sight lead into both rooms on the right, and not back.
+    let corners = [[0.0, 0.0], [8.0, 0.0], [8.0, 4.0], [0.0, 4.0]];
+    let mut walls: Vec<_> = (0..4).map(|i| Wall::new(corners[i], corners[(i + 1) % 4])).collect();
+    walls.push(Wall::new([4.0, 2.0], [8.0, 2.0]));
+    walls.push(Wall::new([4.0, 0.0], [4.0, 4.0]).with_opacity(Opacity::OneWay));
+    let plan = Plan::new(&walls).unwrap();
+    let starts = [[1.0, 1.0], [7.0, 1.0], [7.0, 3.0]];
+    let mut region = UnseenRegion::reachable(&plan, &starts).unwrap();
+    assert_eq!(region.area(), 32.0, "three rooms");
+    region.look(&plan, [1.0, 2.0]).unwrap();
+    assert!(region.is_empty(), "a guard on the left sees all three");
+    assert_eq!(Guards::new(&plan, &starts).unwrap().witnesses().len(), 1, "one guard is enough");
+    let right = UnseenRegion::reachable(&plan, &starts[1..2]).unwrap();
+    assert_eq!(right.area(), 8.0, "movers pass no one-way wall");
+}
+
 /// Makes a ring of corridors around a block: a square of 12 with a square of 4 in its middle.
 fn ring() -> Plan {
     let square = |low: f64, high: f64| {
