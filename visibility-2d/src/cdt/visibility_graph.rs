@@ -49,8 +49,8 @@ pub(super) struct Corner {
 /// let graph = VisibilityGraph::new(&plan)?;
 /// assert_eq!((graph.corner_count(), graph.leg_count()), (2, 1)); // both ends, and the wall itself
 /// let mut path = ShortestPath::new();
-/// graph.find_path(&plan, [-3.0, 0.5], [3.0, 0.5], &mut path)?;
-/// assert_eq!(path.points(), [[-3.0, 0.5], [0.0, 1.0], [3.0, 0.5]]);
+/// graph.find_path(&plan, [-0.5, 0.5], [0.5, 0.5], &mut path)?;
+/// assert_eq!(path.points(), [[-0.5, 0.5], [0.0, 1.0], [0.5, 0.5]]);
 /// # Ok::<(), visibility_2d::cdt::PlanError>(())
 /// ```
 #[derive(Clone, Debug)]
