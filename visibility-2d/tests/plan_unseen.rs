@@ -264,6 +264,28 @@ fn places_are_connected_parts() {
 }
 
 #[test]
+fn shadows_across_one_edge_are_places_of_their_own() {
+    // Two screens throw shadows across a line on the ground, which is one edge of the triangulation.
+    let corners = [[-10.0, -5.0], [10.0, -5.0], [10.0, 15.0], [-10.0, 15.0]];
+    let mut walls: Vec<_> = (0..4).map(|i| Wall::new(corners[i], corners[(i + 1) % 4])).collect();
+    walls.push(Wall::new([-3.0, 0.0], [-1.0, 0.0]));
+    walls.push(Wall::new([1.0, 0.0], [3.0, 0.0]));
+    walls.push(Wall::new([-10.0, 5.0], [10.0, 5.0]).with_opacity(Opacity::Clear));
+    let plan = Plan::new(&walls).unwrap();
+    let mut left = UnseenRegion::reachable(&plan, &[[0.0, 0.0]]).unwrap();
+    left.look(&plan, [0.0, -4.0]).unwrap();
+    let places = left.hiding_places(&plan).unwrap();
+    let at = |x: f64, y: f64| places.at(&plan, &left, [x, y]).unwrap();
+    assert_eq!(places.len(), 2, "a place behind each screen");
+    assert_eq!(
+        (at(-3.0, 4.0), at(3.0, 4.0)),
+        (at(-4.0, 6.0), at(4.0, 6.0)),
+        "each is one on both sides of the line"
+    );
+    assert!(at(-3.0, 4.0).is_some() && at(-3.0, 4.0) != at(3.0, 4.0), "the shadows are apart");
+}
+
+#[test]
 fn an_evader_escapes_around_a_ring_and_is_caught_between_two_watchers() {
     let plan = ring();
     let region = UnseenRegion::reachable(&plan, &[[1.0, 1.0]]).unwrap();
