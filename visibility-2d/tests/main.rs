@@ -14,6 +14,7 @@ mod plan_cells;
 mod plan_limits;
 mod plan_objects;
 mod plan_rays;
+mod plan_unseen;
 #[cfg(feature = "papers")]
 mod view_cdt_margins;
 #[cfg(feature = "papers")]

@@ -8,7 +8,7 @@ use std::time::Instant;
 use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
 use visibility_examples::floor_plans::drawing::Drawing;
 use visibility_examples::floor_plans::forest_walk::{ForestWalk, REACH};
-use visibility_examples::floor_plans::{PlanFile, load};
+use visibility_examples::floor_plans::{PlanFile, load, questions, slice};
 use visibility_examples::output_file::write;
 use visibility_examples::{eprintln, exit_code, print};
 
@@ -16,13 +16,35 @@ use visibility_examples::{eprintln, exit_code, print};
 ///
 /// The plan is an SVG file (outlines are walls), GeoJSON (lines and rings are walls, points are eyes), or
 /// text: a line `SEGMENTS QUERIES`, then SEGMENTS lines `x1 y1 x2 y2`, then QUERIES lines `x y`. With
-/// `--trees`, the program walks through a forest instead.
+/// `--slice`, it is a horizontal cut through a scene. With `--trees`, the program walks through a forest
+/// instead.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
     /// Plan: a file with the extension .svg, .json or .geojson, or text.
     #[arg(required_unless_present = "trees")]
     file: Option<PathBuf>,
+
+    /// Read a scene (a file or a recipe, as `walkthrough --scene` does) in place of a plan, and cut its
+    /// opaque objects but doors at this height. The plan's axes are the two that are not up, x before y
+    /// before z.
+    #[arg(long, value_name = "METRES", conflicts_with = "trees", allow_hyphen_values = true)]
+    slice: Option<f32>,
+
+    /// Point of a path, given at least twice: draw the shortest path from point to point, and the corners of
+    /// the visibility graph.
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    path: Vec<[f64; 2]>,
+
+    /// Point in a room: find few guards that together see all that can be reached from there, and draw them,
+    /// and witnesses of which no guard sees two.
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    guards: Option<[f64; 2]>,
+
+    /// Point in a room: draw the places, of all that can be reached from there, which none of the drawn eyes
+    /// sees, in a colour for each connected part.
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    hide: Option<[f64; 2]>,
 
     /// Walk through a forest of N trees instead of reading a plan. `--json` then has a line for each step,
     /// with the trees `seen` and the microseconds `us`, and `--svg` shows the steps one after another.
@@ -89,7 +111,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     if let Some(trees) = arguments.trees {
         return walk(arguments, trees);
     }
-    let mut file = load(arguments.file.as_deref().unwrap_or(std::path::Path::new("")))?;
+    let path = arguments.file.as_deref().unwrap_or(std::path::Path::new(""));
+    let mut file = match arguments.slice {
+        Some(height) => slice::load(&path.to_string_lossy(), height)?,
+        None => load(path)?,
+    };
     file.eyes.extend(&arguments.eye);
     let walls: Vec<_> = file.walls.iter().map(|&[a, b]| Wall::new(a, b)).collect();
     let start = Instant::now();
@@ -121,8 +147,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     if let Some(median) = times.get(times.len() / 2) {
         eprintln!("{} eyes, {median:.2} us in the median", times.len());
     }
+    let picture = draw(arguments, &file, &plan)?;
     if let Some(path) = &arguments.svg {
-        write(path, draw(arguments, &file, &plan)?.as_bytes())?;
+        write(path, picture.as_bytes())?;
     }
     Ok(write_json(arguments, &json)?)
 }
@@ -209,17 +236,29 @@ fn draw(
         drawing.polygon(&arguments.region, "fill:#4a8f62;stroke:#4a8f62;stroke-width:2");
     }
     let eyes = || file.eyes.iter().take(arguments.draw).zip(COLORS.into_iter().cycle());
+    if let Some(start) = arguments.hide {
+        let eyes: Vec<_> = eyes().map(|(&eye, _)| eye).collect();
+        eprintln!("{}", questions::hide(plan, start, &eyes, &mut drawing)?);
+    }
     let mut seen = Vec::new();
     for (&eye, color) in eyes() {
         let view = PlanView::new(eye).with_range(arguments.range).with_through(arguments.through);
         plan.look(&view, &mut answer)?;
-        drawing.polygon(answer.polygon(), &format!("fill:{color};fill-opacity:.45"));
+        if arguments.hide.is_none() {
+            drawing.polygon(answer.polygon(), &format!("fill:{color};fill-opacity:.45"));
+        }
         seen.extend(answer.walls().iter().map(|&wall| file.walls[wall as usize]));
     }
     drawing.walls(file);
     drawing.lines(seen, "stroke:#c22;stroke-width:2.5;stroke-linecap:round");
     for (&eye, color) in eyes() {
         drawing.dot(eye, color);
+    }
+    if let Some(start) = arguments.guards {
+        eprintln!("{}", questions::guard(plan, start, &mut drawing)?);
+    }
+    if !arguments.path.is_empty() {
+        eprintln!("{}", questions::walk(plan, &arguments.path, &mut drawing)?);
     }
     Ok(drawing.finish())
 }

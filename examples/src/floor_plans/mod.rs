@@ -1,10 +1,12 @@
-//! Floor plans: walls read from text, SVG paths or GeoJSON, and pictures of what can be seen. Used by the
-//! program `plan`.
+//! Floor plans: walls read from text, SVG paths, GeoJSON or a cut through a scene, and pictures of what can
+//! be seen. Used by the program `plan`.
 
 pub mod drawing;
 pub mod forest_walk;
 pub mod geojson;
 mod plan_file;
+pub mod questions;
+pub mod slice;
 mod svg_numbers;
 pub mod svg_paths;
 mod svg_transform;

@@ -30,6 +30,9 @@ pub enum PlanError {
     },
     /// The objects belong to another plan, or no object has the given number.
     Objects,
+    /// A visibility graph or an unseen region belongs to another plan, or a wall's opacity has changed since
+    /// it was made.
+    VisibilityGraph,
     /// A region or an object has no point, or a point outside the rectangle around the plan.
     Region,
     /// The axes of world space along which a plan lies are not two of 0, 1 and 2.
@@ -55,6 +58,9 @@ impl fmt::Display for PlanError {
                 write!(f, "wall {wall} is unknown: the plan has {walls}, numbered from 0")
             }
             Self::Objects => write!(f, "the objects are of another plan, or none has that number"),
+            Self::VisibilityGraph => {
+                write!(f, "the graph or region is of another plan, or of other opacities")
+            }
             Self::Region => {
                 write!(f, "the region or object is empty, or not inside the rectangle around the plan")
             }

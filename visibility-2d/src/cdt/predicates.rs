@@ -61,7 +61,7 @@ pub(crate) fn area(a: Point, b: Point, c: Point) -> f64 {
 }
 
 /// Returns the rounded sum, and the error of rounding: the exact sum less the rounded one.
-fn sum(a: f64, b: f64) -> (f64, f64) {
+pub(super) fn sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let of_b = sum - a;
     (sum, (a - (sum - of_b)) + (b - of_b))
@@ -70,6 +70,12 @@ fn sum(a: f64, b: f64) -> (f64, f64) {
 /// Returns the product of two numbers, each the sum of a high and a low part, again as high and low part. The
 /// product of the two low parts is left out.
 fn product((a, a_low): (f64, f64), (b, b_low): (f64, f64)) -> (f64, f64) {
+    let (high, low) = exact_product(a, b);
+    (high, low + (a * b_low + a_low * b))
+}
+
+/// Returns the rounded product, and the error of rounding: the exact product less the rounded one.
+pub(super) fn exact_product(a: f64, b: f64) -> (f64, f64) {
     // Splits a number into two halves of 26 bits. Multiplying by 2^27 + 1 isolates the upper half.
     let halves = |x: f64| {
         let moved = 134_217_729.0 * x;
@@ -77,8 +83,7 @@ fn product((a, a_low): (f64, f64), (b, b_low): (f64, f64)) -> (f64, f64) {
         (upper, x - upper)
     };
     let (high, (a1, a0), (b1, b0)) = (a * b, halves(a), halves(b));
-    let low = a0 * b0 - (((high - a1 * b1) - a0 * b1) - a1 * b0);
-    (high, low + (a * b_low + a_low * b))
+    (high, a0 * b0 - (((high - a1 * b1) - a0 * b1) - a1 * b0))
 }
 
 /// Returns whether `d` lies strictly inside the circle through `a`, `b` and `c`, which turn left. Exact.

@@ -2,6 +2,8 @@
 //! the plan.
 
 mod oracle;
+mod path_oracle;
+mod paths;
 mod region_oracle;
 
 use oracle::Oracle;
