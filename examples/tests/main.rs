@@ -5,6 +5,7 @@ mod all_occluders;
 mod backface_scenes;
 mod bake_kills;
 mod bake_program;
+mod budget_scenes;
 mod bsp_scenes;
 mod cell_scenes;
 mod cut_occluders;
