@@ -37,7 +37,9 @@ pub fn divide(object: SourceObject, most: usize, each: &mut dyn FnMut(SourceObje
         let axis = (1..3).fold(0, |most, axis| if size[axis] > size[most] { axis } else { most });
         // A multiple of `most` in the first half, so that few pieces are smaller than they may be.
         let middle = (part.len() / 2).next_multiple_of(most).min(part.len() - 1);
-        part.select_nth_unstable_by(middle, |&a, &b| center(a)[axis].total_cmp(&center(b)[axis]).then(a.cmp(&b)));
+        part.select_nth_unstable_by(middle, |&a, &b| {
+            center(a)[axis].total_cmp(&center(b)[axis]).then(a.cmp(&b))
+        });
         let second = part.split_off(middle);
         waiting.push(second);
         waiting.push(part);
@@ -52,7 +54,7 @@ mod tests {
     #[test]
     fn pieces_have_each_triangle_once_and_are_compact() {
         let mut random = Random(3);
-        for count in [1, 2, 63, 64, 65, 128, 1000] {
+        for count in [1usize, 2, 63, 64, 65, 128, 1000] {
             let triangle = |random: &mut Random| {
                 let corner = random.vector(100.0).as_vec3();
                 [corner, corner + Vec3::X, corner + Vec3::Y]
@@ -63,17 +65,25 @@ mod tests {
                 let mut pieces = Vec::new();
                 divide(object, most, &mut |piece| pieces.push(piece));
                 let most = most.max(1);
-                assert!(pieces.iter().all(|piece| piece.door && piece.name.to_string() == "door"), "{count}: flags");
+                assert!(
+                    pieces.iter().all(|piece| piece.door && piece.name.to_string() == "door"),
+                    "{count}: flags"
+                );
                 assert!(
                     pieces.iter().all(|piece| (1..=most).contains(&piece.triangles.len())),
                     "{count} triangles in pieces of {most}: too many in a piece, or none"
                 );
-                assert!(pieces.len() <= count.div_ceil(most) + 1, "{count} triangles in {} pieces", pieces.len());
+                assert!(
+                    pieces.len() <= count.div_ceil(most) + 1,
+                    "{count} triangles in {} pieces",
+                    pieces.len()
+                );
                 let sorted = |mut list: Vec<Triangle>| {
                     list.sort_by_key(|t| t.map(|p| p.to_array().map(f32::to_bits)));
                     list
                 };
-                let of_pieces = pieces.iter().flat_map(|piece| piece.triangles.view().iter().collect::<Vec<_>>());
+                let of_pieces =
+                    pieces.iter().flat_map(|piece| piece.triangles.view().iter().collect::<Vec<_>>());
                 assert_eq!(sorted(of_pieces.collect()), sorted(all.clone()), "{count} triangles by {most}");
             }
             // Pieces of a cloud of points are smaller than the cloud.

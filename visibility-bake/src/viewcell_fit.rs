@@ -38,7 +38,7 @@ impl ViewcellBudget {
     }
 
     /// Sets when neighbours are merged: if their common set costs at most this share more than the set of each
-    /// viewcell that is part of the merged one, and no more than the budget unless one of them already does.
+    /// viewcell that is part of the merged one, and no more than the budget unless each of these does.
     /// The default is 0: only sets that are equal, up to objects that cost nothing, are merged. NaN and
     /// negative numbers count as 0.
     pub fn with_agreement(self, agreement: f64) -> Self {
@@ -58,8 +58,9 @@ impl ViewcellBudget {
                 && cell.min[axis] < middle[axis]
                 && middle[axis] < cell.max[axis]
         };
-        let axis =
-            (0..3).filter(may_be_divided).reduce(|most, axis| if size[axis] > size[most] { axis } else { most })?;
+        let axis = (0..3)
+            .filter(may_be_divided)
+            .reduce(|most, axis| if size[axis] > size[most] { axis } else { most })?;
         let (mut low, mut high) = (cell.clone(), cell.clone());
         low.max[axis] = middle[axis];
         high.min[axis] = middle[axis];
@@ -102,6 +103,8 @@ struct Part {
 #[derive(Clone, Debug)]
 pub struct ViewcellFit {
     budget: ViewcellBudget,
+    /// Number of halvings after which a viewcell is not divided, at most [`MAX_DEPTH`].
+    max_depth: u32,
     /// Viewcells that are not divided further, with their results.
     kept: Vec<(Part, CellSandwich)>,
     /// Viewcells without a result, each with the objects that the viewcell of which it is a half reports.
@@ -113,7 +116,8 @@ impl ViewcellFit {
     /// Begins with all of `cells` waiting.
     pub fn new(budget: ViewcellBudget, cells: impl IntoIterator<Item = Viewcell>) -> Self {
         let part = |(root, cell)| (Part { cell, root, depth: 0, path: 0 }, None);
-        Self { budget, kept: Vec::new(), waiting: cells.into_iter().enumerate().map(part).collect() }
+        let waiting = cells.into_iter().enumerate().map(part).collect();
+        Self { budget, max_depth: MAX_DEPTH, kept: Vec::new(), waiting }
     }
 
     /// Returns whether no viewcell is waiting for a result.
@@ -127,13 +131,13 @@ impl ViewcellFit {
         self.waiting.iter().map(|(part, _)| part.cell.clone())
     }
 
-    /// Returns whether some waiting viewcell may be divided once more.
-    pub fn may_go_deeper(&self) -> bool {
-        self.waiting.iter().any(|(part, _)| self.halves_of(part).is_some())
+    /// Ends the division: viewcells whose results are taken in from now on are not halved, whatever they cost.
+    pub fn end_division(&mut self) {
+        self.max_depth = 0;
     }
 
     fn halves_of(&self, part: &Part) -> Option<[Viewcell; 2]> {
-        if part.depth < MAX_DEPTH { self.budget.halves(&part.cell) } else { None }
+        if part.depth < self.max_depth { self.budget.halves(&part.cell) } else { None }
     }
 
     /// Takes in the results of the [waiting](Self::waiting) viewcells, in their order. The halves of those
@@ -287,7 +291,8 @@ impl ViewcellBudget {
             steps: a.found.steps.saturating_add(b.found.steps),
         };
         let sum = cost_of(&found, cost);
-        if sum as f64 > allowed || sum > self.cost.max(most) {
+        let is_within_budget = sum <= self.cost || least > self.cost;
+        if sum as f64 > allowed || !is_within_budget {
             return None;
         }
         let mut cell = a.cell.clone();

@@ -113,8 +113,8 @@ fn check(buildings: u64, segments: usize) {
         graph.set_objects(pairs.iter().copied()).unwrap();
         let settings = BakerSettings::default().with_clearance(CLEARANCE);
         let cells = Bake::new(CellBaker::new(&graph, settings).unwrap()).run();
-        let previews =
-            [0, 1, 2].map(|depth| Bake::new(CellBaker::new(&graph, settings.with_depth(depth)).unwrap()).run());
+        let previews = [0, 1, 2]
+            .map(|depth| Bake::new(CellBaker::new(&graph, settings.with_depth(depth)).unwrap()).run());
         let bounds = |id: ObjectId| boxes.get(id.index()).copied();
         // Limits of steps that allow no chain, too few chains, and all chains.
         let rows = [0, 6, u64::MAX].map(|steps_per_cell| {

@@ -6,8 +6,8 @@ use super::failure::Failure;
 use super::level::Level;
 use super::run::{Run, forget, run};
 use crate::output_file::{beside, write};
-use crate::{eprintln, ordinary_file};
 use crate::region::cells::on_axes;
+use crate::{eprintln, ordinary_file};
 use clap::Args;
 use glam::Vec3;
 use std::io::ErrorKind;
@@ -48,7 +48,9 @@ fn triangles(text: &str) -> Result<u64, String> {
     let count = number.parse().map_or(f64::NAN, |count: f64| count * unit);
     // Beyond 2^53 not all numbers can be told apart.
     let is_usable = (0.0..=9e15).contains(&count);
-    is_usable.then_some(count as u64).ok_or_else(|| "a budget is a number of triangles, as in 200k-triangles".into())
+    is_usable
+        .then_some(count as u64)
+        .ok_or_else(|| "a budget is a number of triangles, as in 200k-triangles".into())
 }
 
 impl Budget {
@@ -77,7 +79,8 @@ pub struct Fitted {
 
 /// Bakes the viewcells of a level, divides those over budget and bakes their halves, and so on, and at last
 /// merges neighbours. Replaces the viewcells of the level by those that result. With a limit of time, each
-/// depth has half of the time left, and the last depth all of it. `progress` is called with the number of
+/// depth has all of the time left, so that viewcells are only divided if the depth before was finished.
+/// `progress` is called with the number of
 /// viewcells of the present depth. Files are named after `base`, the output, and the state file of `settings`
 /// is not used.
 ///
@@ -93,13 +96,8 @@ pub fn fit(
 ) -> Result<Fitted, Failure> {
     let start = Instant::now();
     let mut fit = ViewcellFit::new(budget, level.viewcells.cells().iter().cloned());
-    let mut all = Fitted {
-        cells: Vec::new(),
-        times: MethodTimes::default(),
-        complete: true,
-        too_large: 0,
-        cut: 0,
-    };
+    let mut all =
+        Fitted { cells: Vec::new(), times: MethodTimes::default(), complete: true, too_large: 0, cut: 0 };
     for depth in 0.. {
         level.viewcells = Viewcells::new(fit.waiting());
         let count = level.viewcells.cells().len();
@@ -112,8 +110,7 @@ pub fn fit(
                 cells
             }
             None => {
-                let share = if fit.may_go_deeper() { 0.5 } else { 1.0 };
-                let left = settings.limit.map(|limit| limit.saturating_sub(start.elapsed()).mul_f64(share));
+                let left = settings.limit.map(|limit| limit.saturating_sub(start.elapsed()));
                 let settings = Run { limit: left, state: state.clone(), ..*settings };
                 let outcome = run(|| level.baker(), &settings, |now| progress(count, now))?;
                 all.times = [all.times, outcome.times.iter().sum()].iter().sum();
@@ -126,6 +123,8 @@ pub fn fit(
                     forget(&state);
                     shard.cells
                 } else {
+                    // The time is over. Halves of viewcells without a result would have none either.
+                    fit.end_division();
                     outcome.cells
                 }
             }
@@ -135,9 +134,7 @@ pub fn fit(
             "depth {depth}: {} viewcells, {} over budget, {} divided",
             division.evaluated, division.over_budget, division.divided
         );
-        let is_over = settings.limit.is_some_and(|limit| start.elapsed() >= limit);
-        if fit.is_done() || is_over {
-            all.complete &= fit.is_done();
+        if fit.is_done() {
             break;
         }
     }

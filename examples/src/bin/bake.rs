@@ -15,7 +15,9 @@ use visibility_core::bake::Progress;
 use visibility_examples::arguments::{quoted, scene_arguments};
 use visibility_examples::bake::pictures;
 use visibility_examples::bake::report::Report;
-use visibility_examples::bake::{Budget, Failure, Fitted, Job, Level, Plan, Run, fit, forget, forget_depths, run};
+use visibility_examples::bake::{
+    Budget, Failure, Fitted, Job, Level, Plan, Run, fit, forget, forget_depths, run,
+};
 use visibility_examples::output_file::{Lock, beside, is_special, target, write};
 use visibility_examples::{eprintln, ordinary_file, print, println};
 
