@@ -29,16 +29,16 @@ pub struct ViewcellBudget {
 }
 
 impl ViewcellBudget {
-    /// Makes a budget: the greatest [cost](visibility_core::Object::cost), in triangles, of the objects that a
-    /// viewcell may report. Viewcells that cost more are halved, as long as their halves are at least `least`
-    /// metres large on each axis in world space. A size that is not positive, or NaN, forbids division of
-    /// that axis.
+    /// Makes a budget: the greatest [cost](visibility_core::Object::cost), in triangles, of the objects that
+    /// a viewcell may report. Viewcells that cost more are halved, as long as their halves are at least
+    /// `least` metres large on each axis in world space. A size that is not positive, or NaN, forbids
+    /// division of that axis.
     pub fn new(cost: u64, least: DVec3) -> Self {
         Self { cost, least, agreement: 0.0 }
     }
 
-    /// Sets when neighbours are merged: if their common set costs at most this share more than the set of each
-    /// viewcell that is part of the merged one, and no more than the budget unless each of these does.
+    /// Sets when neighbours are merged: if their common set costs at most this share more than the set of
+    /// each viewcell that is part of the merged one, and no more than the budget unless each of these does.
     /// The default is 0: only sets that are equal, up to objects that cost nothing, are merged. NaN and
     /// negative numbers count as 0.
     pub fn with_agreement(self, agreement: f64) -> Self {
@@ -131,7 +131,8 @@ impl ViewcellFit {
         self.waiting.iter().map(|(part, _)| part.cell.clone())
     }
 
-    /// Ends the division: viewcells whose results are taken in from now on are not halved, whatever they cost.
+    /// Ends the division: viewcells whose results are taken in from now on are not halved, whatever they
+    /// cost.
     pub fn end_division(&mut self) {
         self.max_depth = 0;
     }
@@ -268,8 +269,8 @@ impl ViewcellBudget {
         is_merged
     }
 
-    /// Returns the union of a viewcell with the one that follows on `axis`. `None` if their sets do not agree,
-    /// or if planes cut them in different ways.
+    /// Returns the union of a viewcell with the one that follows on `axis`. `None` if their sets do not
+    /// agree, or if planes cut them in different ways.
     fn merged(&self, axis: usize, a: &Merged, b: &Merged, cost: &impl Fn(u32) -> u64) -> Option<Merged> {
         if a.cell.planes != b.cell.planes {
             return None;

@@ -150,8 +150,8 @@ pub fn forget_depths(base: &Path) {
     while files.next().is_some_and(|file| std::fs::remove_file(file).is_ok()) {}
 }
 
-/// Returns the path of the file with the results of a finished depth of a bake that writes `base`. The state of
-/// a depth that is not finished lies beside it.
+/// Returns the path of the file with the results of a finished depth of a bake that writes `base`. The state
+/// of a depth that is not finished lies beside it.
 fn depth_file(base: &Path, depth: u32) -> PathBuf {
     beside(base, &format!(".depth{depth}"))
 }
