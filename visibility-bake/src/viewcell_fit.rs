@@ -98,7 +98,7 @@ struct Part {
 /// }
 /// // The object is seen from everywhere: 64 viewcells were tried, and merged again.
 /// let (cells, found) = fit.finish(|_| 12);
-/// assert_eq!((cells.len(), &found[0].seen), (1, &vec![0]));
+/// assert_eq!((cells.len(), found[0].reported().as_ref()), (1, &[0][..]));
 /// ```
 #[derive(Clone, Debug)]
 pub struct ViewcellFit {
