@@ -21,6 +21,7 @@ pub mod object_name;
 pub mod ordinary_file;
 mod other_formats;
 pub mod output_file;
+pub mod pieces;
 pub mod plp;
 pub mod print;
 pub mod progress;

@@ -8,6 +8,7 @@ use crate::description::Description;
 use crate::error::SourceError;
 use crate::gltf_file::{MOST_OBJECTS, MOST_TRIANGLES};
 use crate::ordinary_file;
+use crate::pieces::divide;
 use crate::reading::Reading;
 use crate::recipes::{built_in_by_object, known_recipes};
 use crate::source::{Bounds, SceneSource, SourceObject, collected};
@@ -28,15 +29,16 @@ pub fn open(name: &str) -> Result<SceneSource, SourceError> {
     open_as(name, &Reading::default())
 }
 
-/// Makes the scene that a user names, like [`open`]. `reading` sets the unit and the up axis of a scene file.
+/// Makes the scene that a user names, like [`open`]. `reading` sets the unit and the up axis of a scene file,
+/// and the pieces that objects are divided into.
 ///
 /// # Errors
 ///
 /// Returns the errors of [`open`].
 pub fn open_as(name: &str, reading: &Reading) -> Result<SceneSource, SourceError> {
     match file_of(name) {
-        Some(path) => load_as(path, reading),
-        None => collected(|each| open_by_object(name, reading, &mut |_, object| each(object))),
+        Some(path) if reading.pieces.is_none() => load_as(path, reading),
+        _ => collected(|each| open_by_object(name, reading, &mut |_, object| each(object))),
     }
 }
 
@@ -71,6 +73,11 @@ pub fn open_by_object(
     reading: &Reading,
     each: &mut dyn FnMut(DVec3, SourceObject),
 ) -> Result<SceneSource, SourceError> {
+    let mut divided = |origin: DVec3, object: SourceObject| match reading.pieces {
+        Some(most) => divide(object, most, &mut |piece| each(origin, piece)),
+        None => each(origin, object),
+    };
+    let each: &mut dyn FnMut(DVec3, SourceObject) = &mut divided;
     let mut at_zero = |object| each(DVec3::ZERO, object);
     if let Some(car) = name.strip_prefix("cars5:") {
         cars5_by_object(Path::new(car), &mut at_zero)

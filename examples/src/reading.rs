@@ -25,6 +25,11 @@ pub struct Reading {
     /// are invisible, and hide nothing.
     #[arg(long)]
     pub two_sided: bool,
+
+    /// Divide objects into pieces of at most N triangles, each of which then counts as an object: 64 for
+    /// clusters, 1 for triangles. By default objects stay whole.
+    #[arg(long, value_name = "N", value_parser = crate::arguments::count())]
+    pub pieces: Option<usize>,
 }
 
 impl Reading {
@@ -37,7 +42,8 @@ impl Reading {
     pub fn arguments(&self) -> String {
         let unit = self.unit.map_or(String::new(), |unit| format!(" --unit {unit}"));
         let up = self.up.map_or("", |up| [" --up x", " --up y", " --up z"][up.abs().max_position()]);
-        format!("{unit}{up}{}", if self.two_sided { " --two-sided" } else { "" })
+        let pieces = self.pieces.map_or(String::new(), |most| format!(" --pieces {most}"));
+        format!("{unit}{up}{}{pieces}", if self.two_sided { " --two-sided" } else { "" })
     }
 }
 

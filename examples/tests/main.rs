@@ -6,6 +6,7 @@ mod backface_scenes;
 mod bake_kills;
 mod bake_program;
 mod bsp_scenes;
+mod budget_scenes;
 mod cell_scenes;
 mod cut_occluders;
 mod engine;

@@ -13,7 +13,7 @@ use visibility_core::{
 };
 use visibility_examples::pvs::maps::{planted, rooms, rounded, turned};
 use visibility_examples::pvs::stabs::{Random, Verdict, directed_lines, goes_through, random_lines};
-use visibility_examples::pvs::{bake, read};
+use visibility_examples::pvs::{QUICK_DEPTH, bake, read};
 use visibility_portals::{BakerSettings, CellMatrix, ChainTest};
 
 /// Settings with the test in Pluecker space and without a limit of steps.
@@ -68,6 +68,36 @@ fn no_random_line_passes_between_hidden_cells() {
     assert_eq!(sum.false_hidden, 0, "{sum:?}");
 }
 
+/// Settings of a preview, whose chains of portals end at a given depth.
+fn to_depth(depth: u32) -> BakerSettings {
+    BakerSettings::default().with_depth(depth)
+}
+
+#[test]
+fn previews_show_all_that_longer_chains_show_and_lines_reach() {
+    for seed in 20..26 {
+        let graph = rooms(6, 2, seed);
+        let mut matrices: Vec<CellMatrix> = (0..4).map(|depth| visible_by(&graph, to_depth(depth))).collect();
+        matrices.push(visible(&graph));
+        for a in (0..72).map(CellId) {
+            for (depth, pair) in matrices.windows(2).enumerate() {
+                assert!(
+                    pair[1].seen_from(a).all(|b| pair[0].sees(a, b)),
+                    "seed {seed}, {a:?}: a pair that depth {depth} hides and a greater depth shows"
+                );
+            }
+        }
+        let counts: Vec<u64> = matrices.iter().map(CellMatrix::count).collect();
+        assert!(counts[1] < counts[0] && counts[4] < counts[1], "seed {seed}: pairs by depth {counts:?}");
+        assert!(counts[1] < 72 * 72, "seed {seed}: the preview hides something");
+        let by_chance = random_lines(&graph, &matrices[1], 20_000, 1e-6, seed);
+        let all = CellMatrix::from_bytes(72, &[0xff; 72 * 9]).unwrap();
+        let aimed = directed_lines(&graph, &matrices[1], &all, 20, 1e-6, seed);
+        assert!(by_chance.pairs > 20_000, "seed {seed}: {by_chance:?}");
+        assert_eq!(by_chance.false_hidden + aimed.false_hidden, 0, "seed {seed}: {by_chance:?}, {aimed:?}");
+    }
+}
+
 /// Plants `chains` chains of portals and returns how many of them have a cell that is wrongly called hidden
 /// from another, then how many chains could be planted.
 fn broken(chains: u64, seed: u64) -> (u64, u64) {
@@ -90,8 +120,9 @@ fn broken(chains: u64, seed: u64) -> (u64, u64) {
             cells.clone().any(|a| cells.clone().any(|b| !matrix.sees(CellId(a), CellId(b))))
         };
         // The test in Pluecker space shows the fewest pairs, so it contains every error of the settings
-        // without it.
+        // without it. A preview has a path of its own where its chains end.
         broken += u64::from(is_hidden(visible_by(&chain.graph, exact())));
+        broken += u64::from(is_hidden(visible_by(&chain.graph, to_depth(QUICK_DEPTH))));
     }
     (broken, good)
 }
@@ -138,6 +169,13 @@ fn real_maps() {
             "{}: the exact bake shows a pair that the loose one hides",
             path.display()
         );
+        let quick = visible_by(&graph, to_depth(QUICK_DEPTH));
+        assert!(
+            cells.clone().all(|a| matrix.seen_from(a).all(|b| quick.sees(a, b))),
+            "{}: the preview hides a pair that the whole bake shows",
+            path.display()
+        );
+        println!("{}: mean of the preview {}", path.display(), quick.mean_visible());
         assert!(
             exact.complete && exact.matrix.is_symmetric(),
             "{}: the bake is complete and symmetric",
@@ -190,6 +228,8 @@ fn stored_sets_say_what_the_matrix_says() {
 #[test]
 fn the_answers_are_what_they_were() {
     let counts = [0, 1, 2, 3].map(|seed| visible(&rooms(8, 2, seed)).count());
+    let quick = [0, 1, 2, 3].map(|seed| visible_by(&rooms(8, 2, seed), to_depth(QUICK_DEPTH)).count());
+    assert_eq!(quick, [6028, 4278, 5586, 5280], "pairs of the preview by seed");
     assert_eq!(counts, [4542, 3520, 4382, 4104], "pairs by seed");
     let exact = [0, 1, 2, 3].map(|seed| {
         let outcome = bake(&rooms(8, 2, seed), exact(), 1, |_| {}).unwrap().outcome;
@@ -201,7 +241,7 @@ fn the_answers_are_what_they_were() {
 #[test]
 fn any_number_of_threads_gives_the_same_answer() {
     let graph = rooms(7, 2, 5);
-    for settings in [BakerSettings::default(), exact()] {
+    for settings in [BakerSettings::default(), exact(), to_depth(QUICK_DEPTH)] {
         let [one, three] = [1, 3].map(|threads| bake(&graph, settings, threads, |_| {}).unwrap().outcome);
         assert_eq!(one, three, "{settings:?}: by one thread and by three");
     }

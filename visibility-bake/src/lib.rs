@@ -6,6 +6,7 @@
 //! - [`SandwichBaker`] finds for each viewcell the objects that are certainly seen and those that are not
 //!   proven hidden, by methods from cheap to exact, until the difference is below a given
 //!   [gap](SandwichSettings::with_gap).
+//! - [`ViewcellFit`] halves viewcells whose sets are above a budget, and merges neighbours whose sets agree.
 //! - [`Shard`] is the result for a range of viewcells, as bytes that another process can [assemble] with
 //!   others.
 //! - [`BakeCache`] keeps results with hashes of their input, so that a bake of an edited level only repeats
@@ -42,6 +43,7 @@ mod shard;
 mod tile_tree;
 mod tiled_scene;
 mod time_plan;
+mod viewcell_fit;
 
 pub use bake_cache::BakeCache;
 pub use baked_set::{BakedSet, BakedSetError};
@@ -57,6 +59,7 @@ pub use settings::SandwichSettings;
 pub use shard::{AssembleError, Shard, assemble};
 pub use tiled_scene::{TiledScene, TiledSceneWriter};
 pub use time_plan::SWEEP_TIME;
+pub use viewcell_fit::{Division, ViewcellBudget, ViewcellFit};
 pub use visibility_core::level_version::level_version;
 
 #[cfg(doctest)]

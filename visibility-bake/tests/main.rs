@@ -3,6 +3,7 @@
 #![allow(missing_docs)]
 
 mod edits;
+mod fits;
 mod forged_bytes;
 mod forged_counts;
 mod free_space;

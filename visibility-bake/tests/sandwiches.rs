@@ -15,7 +15,7 @@ use visibility_core::{Aabb, Culler, Object, Pose, Scene, View, VisibleSet};
 use visibility_testing::{NOT_ALWAYS_DRAWN, Random, is_clear};
 
 /// Makes a street with houses on both sides, and small boxes between and behind them.
-fn street() -> (Scene, Viewcells) {
+pub(crate) fn street() -> (Scene, Viewcells) {
     let mut random = Random(5);
     let mut scene = Scene::new();
     let mut number = |low: f64, high: f64| (low + (high - low) * random.unit()) as f32;

@@ -180,6 +180,7 @@ impl Baker for CellBaker {
             seen: &self.seen,
             exact: (self.settings.chain_test == ChainTest::Pluecker)
                 .then_some(self.portals.margins.clearance),
+            depth: self.settings.depth,
         };
         let spent = self.steps[self.portals.all[source as usize].from as usize];
         Some(portal_flow(&input, source, self.settings.steps_per_cell.saturating_sub(spent), scratch))

@@ -113,12 +113,16 @@ fn check(buildings: u64, segments: usize) {
         graph.set_objects(pairs.iter().copied()).unwrap();
         let settings = BakerSettings::default().with_clearance(CLEARANCE);
         let cells = Bake::new(CellBaker::new(&graph, settings).unwrap()).run();
+        let previews = [0, 1, 2]
+            .map(|depth| Bake::new(CellBaker::new(&graph, settings.with_depth(depth)).unwrap()).run());
         let bounds = |id: ObjectId| boxes.get(id.index()).copied();
         // Limits of steps that allow no chain, too few chains, and all chains.
         let rows = [0, 6, u64::MAX].map(|steps_per_cell| {
             let settings = settings.with_steps_per_cell(steps_per_cell);
             Bake::new(ObjectBaker::new(&graph, &cells, bounds, settings).unwrap()).run()
         });
+        // The pairs of portals of a preview leave more chains to the bake of objects.
+        let of_preview = Bake::new(ObjectBaker::new(&graph, &previews[1], bounds, settings).unwrap()).run();
         for _ in 0..segments {
             let (target, part) =
                 (random.below(boxes.len()), DVec3::from([1.0; 3].map(|_| random.fine_unit())));
@@ -142,13 +146,26 @@ fn check(buildings: u64, segments: usize) {
             reached += 1;
             let from = cell([a.x, a.y].map(|at| (at / SIDE) as u32));
             beyond += usize::from(from != pairs[target].0);
-            for rows in &rows {
+            for (depth, preview) in previews.iter().enumerate() {
+                assert!(
+                    preview.matrix.sees(from, pairs[target].0),
+                    "building {seed}: with chains of depth {depth}, {from:?} does not see the cell of object \
+                     {target}: {a} to {b}"
+                );
+            }
+            for rows in rows.iter().chain([&of_preview]) {
                 assert!(
                     rows.rows[from.index()].binary_search(&(target as u32)).is_ok(),
                     "building {seed}: {from:?} does not see object {target}: {a} to {b}"
                 );
             }
         }
+        let counts = previews.each_ref().map(|preview| preview.matrix.count());
+        assert!(
+            cells.matrix.count() <= counts[2] && counts[2] <= counts[1] && counts[1] < counts[0],
+            "building {seed}: pairs by depth: {counts:?}, of all chains {}",
+            cells.matrix.count()
+        );
         let means = rows.each_ref().map(|rows| rows.mean_visible());
         let by_cells = cells.matrix.mean_visible() * BOXES as f64;
         assert!(means[2] <= means[1] && means[1] <= means[0], "{seed}: {means:?}");

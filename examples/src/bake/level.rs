@@ -8,7 +8,7 @@ use crate::region::world;
 use crate::source::{Bounds, Corners, check_hints};
 use crate::walkthrough::World;
 use crate::{SceneSource, SourceObject, open_by_object, ordinary_file};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::fmt;
 use std::io::ErrorKind;
 use std::path::Path;
@@ -30,6 +30,8 @@ pub struct Level {
     pub name: String,
     /// All viewcells of the bake.
     pub viewcells: Viewcells,
+    /// Up axis of the scene, a unit vector.
+    pub up: Vec3,
     /// Eyes of all keys of the scene's walks.
     eyes: Vec<DVec3>,
     content: Content,
@@ -58,7 +60,7 @@ impl Level {
     pub fn open(job: &Job, scratch: &Path, stop: fn() -> bool) -> Result<Self, Failure> {
         let settings =
             SandwichSettings::default().with_gap(job.gap).with_clearance(job.clearance).with_rays(job.rays);
-        let eyes;
+        let (eyes, up);
         let (name, content, viewcells) = match job.memory {
             None => {
                 let mut objects = Vec::new();
@@ -72,7 +74,7 @@ impl Level {
                 let solids = Solids::Scene(&world.scene);
                 let viewcells =
                     viewcells::make(&job.places, &job.reading, &world.source, bounds, &solids, stop)?;
-                eyes = eyes_of(&world.source);
+                (eyes, up) = (eyes_of(&world.source), world.source.up);
                 (world.source.name.clone(), Content::World(Box::new(world)), viewcells)
             }
             Some(memory) => {
@@ -108,12 +110,12 @@ impl Level {
                 let (level, places) = (writer.finish(memory, PROGRAM_BYTES)?, &job.places);
                 let viewcells =
                     viewcells::make(places, &job.reading, &source, bounds, &Solids::Level(&level), stop)?;
-                eyes = eyes_of(&source);
+                (eyes, up) = (eyes_of(&source), source.up);
                 (source.name, Content::File(Arc::new(level)), viewcells)
             }
         };
         let viewcells = Viewcells::new(viewcells);
-        Ok(Self { name, viewcells, eyes, content, settings, gap: job.gap, cache: Arc::default() })
+        Ok(Self { name, viewcells, up, eyes, content, settings, gap: job.gap, cache: Arc::default() })
     }
 
     /// Reuses the results in a cache file that an earlier bake has written. Does nothing if there is no such

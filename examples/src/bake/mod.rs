@@ -2,6 +2,7 @@
 //! report and its pictures.
 
 mod failure;
+mod fit;
 mod job;
 mod level;
 pub mod pictures;
@@ -11,6 +12,7 @@ mod run;
 pub mod viewcells;
 
 pub use failure::Failure;
+pub use fit::{Budget, Fitted, fit, forget_depths};
 pub use job::Job;
 pub use level::Level;
 pub use plan::Plan;

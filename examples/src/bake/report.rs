@@ -85,6 +85,8 @@ pub struct Cell {
     pub steps: u64,
     /// Seconds that each method took. 0 if the viewcell comes from a shard.
     pub seconds: Seconds,
+    /// Number of triangles of the reported objects, seen or open.
+    pub triangles: f64,
     /// Open triangles (neither seen nor proven hidden) as a share of the reported triangles.
     pub gap: f64,
 }
@@ -115,6 +117,7 @@ impl Report {
                 proven: found.proven,
                 steps: found.steps,
                 seconds,
+                triangles: costs[0] + costs[1],
                 gap: gap(costs),
             }
         });
@@ -151,6 +154,7 @@ impl Report {
         let mut text = format!(
             "{}: {} viewcells of {} objects in {:.1} s{}\n\
              a viewcell sees {:.1} objects for certain, {:.1} are open, {:.1} swept away, {:.1} proven hidden\n\
+             {:.0} triangles reported in the mean, {:.0} at most\n\
              gap {:.2} % of the triangles; a file of {} bytes, {:.0} % of plain bits\n",
             self.scene,
             self.viewcells.len(),
@@ -161,6 +165,8 @@ impl Report {
             mean(|cell| cell.open as f64),
             mean(|cell| f64::from(cell.swept)),
             mean(|cell| f64::from(cell.proven)),
+            mean(|cell| cell.triangles),
+            self.viewcells.iter().fold(0.0, |most: f64, cell| most.max(cell.triangles)),
             self.gap * 100.0,
             self.bytes,
             100.0 * self.bytes as f64 / self.plain_bytes.max(1) as f64,

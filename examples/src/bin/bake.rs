@@ -11,10 +11,13 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 use visibility_bake::{CellSandwich, Shard, assemble};
+use visibility_core::bake::Progress;
 use visibility_examples::arguments::{quoted, scene_arguments};
 use visibility_examples::bake::pictures;
 use visibility_examples::bake::report::Report;
-use visibility_examples::bake::{Failure, Job, Level, Plan, Run, forget, run};
+use visibility_examples::bake::{
+    Budget, Failure, Fitted, Job, Level, Plan, Run, fit, forget, forget_depths, run,
+};
 use visibility_examples::output_file::{Lock, beside, is_special, target, write};
 use visibility_examples::{eprintln, ordinary_file, print, println};
 
@@ -29,6 +32,9 @@ use visibility_examples::{eprintln, ordinary_file, print, println};
 struct Arguments {
     #[command(flatten)]
     job: Job,
+
+    #[command(flatten)]
+    budget: Budget,
 
     /// File to write, for `walkthrough --cullers baked:FILE`. With --shard, the file of the shard.
     #[arg(short, long, value_name = "FILE")]
@@ -46,7 +52,7 @@ struct Arguments {
 
     /// Cache file, read if it exists and written at the end. After an edit of the scene, only viewcells that
     /// the edit can have changed are baked again; the output is the same as without a cache. By default none.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "budget")]
     cache: Option<PathBuf>,
 
     /// Number of threads; 0 for one per core of the machine. The output is the same for any number.
@@ -55,7 +61,7 @@ struct Arguments {
 
     /// Bake only part I of N parts, counted from 0, for `bake assemble`.
     #[arg(long, value_name = "I/N", value_parser = part,
-        conflicts_with_all = ["time", "json", "pictures"])]
+        conflicts_with_all = ["time", "json", "pictures", "budget"])]
     shard: Option<[usize; 2]>,
 
     /// File to write the report to, as JSON. By default none.
@@ -202,9 +208,8 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
         bar.set_style(style);
     }
     let start = Instant::now();
-    let baker = || level.baker().with_range(range.clone());
-    let outcome = run(baker, &settings, |now| {
-        let (step, done) = (now.done / range.len().max(1), now.done % range.len().max(1));
+    let show = |count: usize, now: Progress| {
+        let (step, done) = (now.done / count.max(1), now.done % count.max(1));
         if let Some(step) = ["sweeps of groups", "sweeps", "rays", "boxes", "triangles"].get(step)
             && bar.message() != *step
         {
@@ -212,7 +217,17 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
             bar.reset_eta();
         }
         bar.set_position(done as u64);
-    })?;
+    };
+    if let Some(budget) = arguments.budget.of(arguments.job.places.size, level.up) {
+        let fitted = fit(&mut level, budget, &settings, &base, |count, now| {
+            bar.set_length(count as u64);
+            show(count, now);
+        })?;
+        bar.finish_and_clear();
+        return write_fitted(arguments, &level, fitted, start.elapsed().as_secs_f64(), &base);
+    }
+    let baker = || level.baker().with_range(range.clone());
+    let outcome = run(baker, &settings, |now| show(range.len(), now))?;
     bar.finish_and_clear();
     let cache = arguments.cache.as_ref().map(|path| (path, outcome.cache.to_bytes()));
     let (reused, complete) = (outcome.reused, outcome.complete || arguments.shard.is_some());
@@ -241,6 +256,27 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
         println!("{reused} of {} viewcells from {}", range.len(), path.display());
     }
     print!("{said}");
+    Ok(())
+}
+
+/// Writes the file, report and pictures of a bake with a budget, which has taken `seconds`.
+fn write_fitted(
+    arguments: &Arguments,
+    level: &Level,
+    fitted: Fitted,
+    seconds: f64,
+    base: &Path,
+) -> Result<(), Failure> {
+    let Fitted { cells, times, complete, too_large, cut } = fitted;
+    let set = level.set(&cells)?;
+    write(&arguments.out, &set.to_bytes())?;
+    let mut report = Report::new(level, &cells, &[], &set, seconds, complete);
+    (report.methods, report.too_large, report.cut) = ((&times).into(), too_large, cut);
+    write_report(level, &cells, &report, &arguments.json, &arguments.pictures)?;
+    if complete {
+        forget_depths(base);
+    }
+    print!("{}{}", report.text(), next_command(&arguments.job, &arguments.out));
     Ok(())
 }
 

@@ -7,6 +7,10 @@ use visibility_core::bake::{Bake, Progress};
 use visibility_core::cells::CellGraph;
 use visibility_portals::{BakerSettings, CellBaker, Outcome, prt};
 
+/// Depth of chains of portals of a preview, see [`visibility_portals::BakerSettings::with_depth`]. Depth 0
+/// takes half to two thirds of the time on maps of games, and shows 1.2 to 2.1 times as many cells.
+pub const QUICK_DEPTH: u32 = 1;
+
 /// Map of cells and portals with its name.
 pub struct Map {
     /// Name of the file, without directories and extension.

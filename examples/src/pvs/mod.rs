@@ -8,5 +8,5 @@ mod report;
 pub mod solids;
 pub mod stabs;
 
-pub use bake::{Baked, Map, bake, read};
+pub use bake::{Baked, Map, QUICK_DEPTH, bake, read};
 pub use report::{Line, summary};

@@ -284,7 +284,7 @@ mod tests {
         );
         let hints = [(Hint::NeverCull, "a lift".to_owned()), (Hint::Door, "Door".to_owned())];
         let open = BakeEstimate { complete: false, ..complete };
-        let reading = Reading { unit: Some(0.001), up: Some(Vec3::Z), two_sided: true };
+        let reading = Reading { unit: Some(0.001), up: Some(Vec3::Z), two_sided: true, pieces: None };
         let command = open.command("my 'house'.glb", &reading, Some(Path::new("a.json")), &hints, "x.pvs");
         let words = concat!(
             r"-- 'my '\''house'\''.glb' --unit 0.001 --up z --two-sided --cameras a.json",

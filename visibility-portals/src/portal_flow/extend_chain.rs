@@ -75,6 +75,9 @@ impl FlowScratch {
         self.chain.push_planes(input.portals, (first, &source), (portal, &pass));
         let planes = planes..self.chain.planes.len();
         self.push_reachable_set(input, frame.set, row, cell, planes.clone());
+        if self.chain.frames.len() >= input.depth as usize {
+            self.show_goals(set, result);
+        }
         let after = &self.chain.sets[set..];
         if after.iter().zip(self.goals.words()).all(|(a, b)| a & b == 0) {
             self.reached.unite_words(after.iter().copied());
@@ -108,6 +111,18 @@ impl FlowScratch {
     fn drop_goals(&mut self, cell: u32) {
         for (i, _) in self.to.iter().enumerate().filter(|(_, to)| **to == cell) {
             self.goals.remove(i);
+        }
+    }
+
+    /// Adds to `result` the cells of the goals in the set at offset `set` in the chain's sets, as seen without
+    /// proof. These cells are no goals any more.
+    fn show_goals(&mut self, set: usize, result: &mut FlowResult) {
+        for word in 0..self.words {
+            while let Some(bit) = lanes(self.chain.sets[set + word] & self.goals.words()[word]).next() {
+                let cell = self.to[word * 64 + bit];
+                result.cells.push((cell, false));
+                self.drop_goals(cell);
+            }
         }
     }
 

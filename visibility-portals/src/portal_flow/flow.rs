@@ -18,6 +18,10 @@ pub(crate) fn portal_flow(
     if scratch.count == 0 || scratch.goals.next(0).is_none() {
         return result;
     }
+    if input.depth == 0 {
+        result.cells = cells_of_goals(scratch);
+        return result;
+    }
     scratch.enter_source(input, source);
     while let Some(child) = scratch.chain.next_child() {
         result.steps += 1;
@@ -34,13 +38,18 @@ pub(crate) fn portal_flow(
     result
 }
 
-/// Adds the cells of all remaining goals (candidates that lead to cells not yet known to be seen) to
-/// `result`, as seen without proof, and sets `gave_up`.
-fn give_up(scratch: &mut FlowScratch, mut result: FlowResult) -> FlowResult {
+/// Adds the cells of all remaining goals to `result`, as seen without proof, and sets `gave_up`.
+fn give_up(scratch: &FlowScratch, mut result: FlowResult) -> FlowResult {
+    result.cells.extend(cells_of_goals(scratch));
+    result.gave_up = true;
+    result
+}
+
+/// Returns the cells of all remaining goals (candidates that lead to cells not yet known to be seen), each
+/// once and ascending, with `false`: no line proves that they are seen.
+fn cells_of_goals(scratch: &FlowScratch) -> Vec<(u32, bool)> {
     let mut cells: Vec<u32> = scratch.goals.iter().map(|goal| scratch.to[goal]).collect();
     cells.sort_unstable();
     cells.dedup();
-    result.cells.extend(cells.into_iter().map(|cell| (cell, false)));
-    result.gave_up = true;
-    result
+    cells.into_iter().map(|cell| (cell, false)).collect()
 }

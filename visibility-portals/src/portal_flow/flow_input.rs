@@ -18,6 +18,9 @@ pub(crate) struct FlowInput<'a> {
     /// Clearance in world units for the test in Pluecker space of chains that lead to a cell not yet known
     /// to be seen. `None` disables the test.
     pub(crate) exact: Option<f64>,
+    /// Maximum number of portals that a chain is extended by, the source not counted. See
+    /// [`BakerSettings::with_depth`](crate::BakerSettings::with_depth).
+    pub(crate) depth: u32,
 }
 
 /// Result of the flow (search for all that is seen) through one directed portal, the source.
