@@ -3,7 +3,7 @@
 use crate::cell_frustum::CellFrustum;
 use crate::solidity::Solidity;
 use crate::tessellation::Tessellation;
-use crate::walk::{Budget, FrameContext, PlpSettings, Projected, Walk};
+use crate::walk::{Budget, FrameContext, Keep, PlpSettings, Projected, Walk};
 use alloc::vec::Vec;
 use core::ops::Deref;
 use visibility_core::{
@@ -249,7 +249,8 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         map.flush();
         let frustum = CellFrustum::new(view, scene.origin(), &tessellation.bounds());
         let frame = FrameContext { tessellation, scene, visible, frustum, settings: *settings };
-        if !walk.begin(&frame) {
+        let keep: Keep<'_> = &mut |_, _| true;
+        if !walk.begin(&frame, keep) {
             return CullStats::default().with_visible(visible.count(scene) as u64);
         }
         let cells = tessellation.content().cell_count();
@@ -258,13 +259,13 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         sorted.clear();
         sorted.reserve(cells);
         while let Some(cell) = walk.next() {
-            if walk.step(&frame, cell) == Projected::OutOfBudget {
+            if walk.step(&frame, cell, keep) == Projected::OutOfBudget {
                 // The cell has further layers to be projected.
                 walk.put_back(cell);
                 break;
             }
         }
-        walk.check_candidates(&frame, false);
+        walk.keep_ready();
         add_occluders(map, scene, &walk.order);
         loop {
             waiting.clear();

@@ -98,13 +98,30 @@ pub(crate) fn priority_factor(angle: f32) -> f32 {
     if angle < f32::MAX { (angle / (angle + HALF_PRIORITY_ANGLE)).max(1e-6) } else { 1.0 }
 }
 
-/// Returns the estimated probability that some object in a cell is seen, 0 to 1: the square root of
-/// `transmittance`, the cell's transmittance. Errors of transmittance accumulate from cell to cell, so the
-/// square root gives transmittance less weight than an object's own size and openness.
+/// Returns the estimated probability that a surface in view is not hidden by what stands close in front of
+/// it, 0 to 1: `openness / (openness + sqrt(distance))`. `openness` is the surface's mean free distance and
+/// `distance` the eye's distance from it, both in units of the free distance that counts as an openness of 1.
+/// An infinite distance counts as 1; NaN gives 1.
+///
+/// A free distance of a metre says nothing against a surface half a metre from the eye, and much against one
+/// a hundred metres away. Openness without the distance put far roofs and slopes, which are open, before the
+/// walls and the ground around the eye. The free distance along the eye's own line differs from the mean
+/// over all lines, so the eye's distance counts by the geometric mean with that of an average eye, which is 1.
+#[inline]
+pub(crate) fn free_share(openness: f32, distance: f32) -> f32 {
+    let distance = if distance < f32::MAX { Vec2::splat(distance).sqrt().x } else { 1.0 };
+    let share = openness / (openness + distance);
+    if share.is_nan() { 1.0 } else { share }
+}
+
+/// Returns the estimated probability that some object in a cell is seen, 0 to 1: `transmittance`, the cell's
+/// transmittance, to the power of 3/4. Errors of transmittance accumulate from cell to cell, so the power
+/// gives transmittance less weight than an object's own size and openness.
 #[inline]
 pub(crate) fn visibility_chance(transmittance: f32) -> f32 {
     // `sqrt` of f32 needs `std`; glam's vectors have one without.
-    Vec2::splat(transmittance).sqrt().x
+    let root = Vec2::splat(transmittance).sqrt();
+    root.x * root.sqrt().x
 }
 
 /// Returns, for each of the six axis sides and last for objects without a side, the factor by which a surface
