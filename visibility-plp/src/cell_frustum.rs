@@ -205,9 +205,7 @@ impl CellFrustum {
     #[inline]
     pub(crate) fn distance(&self, bounds: &Aabb) -> f32 {
         match self.eye {
-            Eye::Point(eye) => {
-                eye.distance(eye.max(bounds.min.as_dvec3()).min(bounds.max.as_dvec3())) as f32
-            }
+            Eye::Point(eye) => eye.distance(eye.max(bounds.min.as_dvec3()).min(bounds.max.as_dvec3())) as f32,
             Eye::Direction(_) => f32::INFINITY,
         }
     }

@@ -15,9 +15,10 @@ use visibility_core::{
 /// the remaining cells against an occlusion map of the projected objects.
 ///
 /// After the budget is spent, the cells of the front (the priority queue of cells next to projected cells)
-/// are tested against the map. Hidden cells are dropped, and cells that can only be reached through hidden
-/// cells are never tested. The other cells are projected in full: their objects are kept, their occluders are
-/// added to the map, and their neighbours join the front. The frame ends when the front is empty.
+/// are tested against the map, and so are objects that the budget left over. Hidden cells are dropped, and
+/// cells that can only be reached through hidden cells are never tested. The other cells are projected in
+/// full: their objects are kept, their occluders are added to the map, and their neighbours join the front.
+/// The frame ends when the front is empty.
 ///
 /// As accurate as the map, at best conservative. A view ray to a visible point passes only through visible
 /// points, so no cell on its way is found hidden. An object is kept if any cell that the object meets is
@@ -87,7 +88,8 @@ pub struct ConservativePlpCuller<S, M> {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[non_exhaustive]
 pub struct ConservativeStats {
-    /// Number of boxes tested against the map: boxes of single cells and boxes around groups of cells.
+    /// Number of boxes tested against the map: boxes of single cells, boxes around groups of cells, and boxes of
+    /// objects that were looked up before the budget was spent and did not fit into it.
     pub tests: u64,
     /// Number of tested cells that were not found hidden.
     pub visible_cells: u64,
@@ -265,8 +267,17 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
                 break;
             }
         }
-        walk.keep_ready();
         add_occluders(map, scene, &walk.order);
+        // Objects that were looked up but did not fit into the budget: each is tested by its own bounds.
+        let budgeted = walk.order.len();
+        while let Some(id) = walk.ready.pop() {
+            let bounds = scene.bounds(id).ok().filter(|bounds| frame.frustum.is_beyond_near(bounds));
+            stats.tests += u64::from(bounds.is_some());
+            if bounds.is_none_or(|bounds| map.test_mut(&bounds) != Occlusion::Hidden) {
+                walk.order.push(id);
+            }
+        }
+        add_occluders(map, scene, &walk.order[budgeted..]);
         loop {
             waiting.clear();
             while let Some(cell) = walk.next() {

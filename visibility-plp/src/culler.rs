@@ -61,7 +61,13 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
     /// Defaults: [`Solidity::Coverage`], back faces count as visible, objects beyond the budget are dropped.
     /// O(1).
     pub fn new(tessellation: S, budget: Budget) -> Self {
-        Self { tessellation, settings: PlpSettings::new(budget), keep_all: false, walk: Walk::default(), spent: 0 }
+        Self {
+            tessellation,
+            settings: PlpSettings::new(budget),
+            keep_all: false,
+            walk: Walk::default(),
+            spent: 0,
+        }
     }
 
     /// Sets the estimate of how likely a cell is hidden, which orders the cells. [`Solidity::Coverage`] by

@@ -195,6 +195,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn free_distance_counts_by_the_distance_of_the_eye() {
+        // A wall across a street from the eye, before an open roof far away; and the other way round if both
+        // are as far.
+        assert!(free_share(0.05, 0.001) > free_share(0.5, 0.5), "a near wall and a far roof");
+        assert!(free_share(0.05, 0.5) < free_share(0.5, 0.5), "a wall and a roof at one distance");
+        assert_eq!(free_share(0.25, 0.0625), 0.5, "the free distance is the root of the eye's distance");
+        assert_eq!(free_share(0.25, f32::INFINITY), 0.2, "an eye at infinity is an average eye");
+        for (openness, distance) in [(0.0, 0.0), (f32::NAN, 1.0), (0.5, f32::NAN)] {
+            let share = free_share(openness, distance);
+            assert!((0.0..=1.0).contains(&share), "{openness} {distance}: {share}");
+        }
+    }
+
+    #[test]
     fn what_faces_the_eye_shows_most() {
         let one_sided = side_factors(Vec3::X, false, true);
         // Along x, a surface facing against x shows its front, a surface facing along x its back, and all

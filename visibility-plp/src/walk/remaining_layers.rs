@@ -73,7 +73,8 @@ impl Walk {
             let solid_angle_per_area = state.solid_angle_per_area * factor;
             let (from, to) = (from as u32, to as u32);
             let distance = frame.frustum.distance(bounds) / frame.far();
-            let mut remaining = RemainingLayers { distance, priority: 0.0, solid_angle_per_area, from, to, side };
+            let mut remaining =
+                RemainingLayers { distance, priority: 0.0, solid_angle_per_area, from, to, side };
             if remaining.advance(layers) {
                 self.sides.push(remaining);
             }

@@ -1,8 +1,8 @@
 //! State of one frame's walk: settings, states of the reached cells, projected objects and the remaining
 //! budget.
 
-use crate::cell_frustum::CellFrustum;
 use super::ready::Ready;
+use crate::cell_frustum::CellFrustum;
 use crate::front::Front;
 use crate::normal_bins::{BoxFromEye, EyeSide};
 use crate::solidity::{Solidity, visibility_chance};
