@@ -24,8 +24,9 @@ pub enum Solidity {
     /// a cell add up to 1, and summed over faces. A cell away from the direct view rays receives little
     /// transmittance, so the penalty that the figure adds for cells that are not star-shaped with respect to
     /// the eye is not needed. Groups of similar objects in a cell are projected separately: small objects,
-    /// objects seen at a slant and objects with another surface close in front have lower priority. In
-    /// parallel views, size and slant make no difference.
+    /// objects seen at a slant and objects with another surface close in front, compared with the eye's
+    /// distance, have lower priority. Of these groups, each object is kept in the order of its own size, slant
+    /// and distance. In parallel views, size and slant make no difference.
     ///
     /// Instead of the objects' normals, which that paper names as future work, the covered share along each
     /// axis makes the estimate depend on direction.
