@@ -32,16 +32,20 @@ fn a_frame_ends_when_the_clock_of_the_caller_says_so() {
     for view in views() {
         let all = run(&mut culler, &scene, &view);
         for limit in [0, 1, 40, 700] {
-            let (mut clock, mut asked) = (0u64, Vec::new());
+            let (mut clock, mut granted, mut asked) = (0u64, 0, Vec::new());
             let kept = run_while(&mut culler, &scene, &view, |id, priority| {
                 assert!((0.0..=1.0).contains(&priority), "priority {priority} of {id}");
                 asked.push(id);
                 let is_time_left = clock < limit;
-                clock += if is_time_left { 1 + id.index() as u64 % 7 } else { 0 };
+                if is_time_left {
+                    clock += 1 + id.index() as u64 % 7;
+                    granted += 1;
+                }
                 is_time_left
             });
             assert_eq!(kept, all[..kept.len()], "the first objects of the frame without a limit");
             assert_eq!(asked[..kept.len()], kept, "objects asked for before they are kept");
+            assert_eq!(kept.len(), granted, "objects kept and objects granted in {limit} us");
             if kept.len() < all.len() {
                 ended += 1;
                 assert_eq!(asked.len(), kept.len() + 1, "one object is refused in {limit} us");
