@@ -91,8 +91,7 @@ fn check_against_distance(source: SceneSource, size: [u32; 2], frames: usize) {
     let world = World::new(source, size.into(), Some(frames)).unwrap();
     let world = TriangleWorld::new(&world);
     let cells = Arc::new(OctreeTessellation::new(&world.scene));
-    let mut methods =
-        [Method::centroid(&world), Method::plp("coverage", &world, cells, Solidity::Coverage)];
+    let mut methods = [Method::centroid(&world), Method::plp("coverage", &world, cells, Solidity::Coverage)];
     let coverage = coverage(&world, &mut methods, size, || ()).unwrap();
     for budget in 0..4 {
         let [nearest, projected] = [0, 1].map(|method| coverage.ratio(method, budget));

@@ -88,8 +88,8 @@ pub struct ConservativePlpCuller<S, M> {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[non_exhaustive]
 pub struct ConservativeStats {
-    /// Number of boxes tested against the map: boxes of single cells, boxes around groups of cells, and boxes of
-    /// objects that were looked up before the budget was spent and did not fit into it.
+    /// Number of boxes tested against the map: boxes of single cells, boxes around groups of cells, and boxes
+    /// of objects that were looked up before the budget was spent and did not fit into it.
     pub tests: u64,
     /// Number of tested cells that were not found hidden.
     pub visible_cells: u64,

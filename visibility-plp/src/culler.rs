@@ -14,8 +14,8 @@ use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, Visibl
 /// neighbouring cells to the front. Objects that were looked up are kept in the order of their own priority,
 /// once no cell of the front promises a higher one. The frame ends when the budget is spent (Klosowski and
 /// Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000). The set's order
-/// afterwards is the order in which objects were kept, most likely visible first. A drawing loop may therefore
-/// stop at any object.
+/// afterwards is the order in which objects were kept, most likely visible first. A drawing loop may
+/// therefore stop at any object.
 ///
 /// Approximate: hidden objects may be kept and visible objects dropped. With
 /// [`with_all_kept`](Self::with_all_kept) the culler only sorts the set and is conservative.
@@ -102,9 +102,9 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
         self.settings.budget = budget;
     }
 
-    /// Returns how much of its [`Budget`] the last frame took: a number of objects, or a sum of costs. Includes
-    /// the objects in no cell. 0 before the first frame, and after a frame whose scene the tessellation was not
-    /// made from.
+    /// Returns how much of its [`Budget`] the last frame took: a number of objects, or a sum of costs.
+    /// Includes the objects in no cell. 0 before the first frame, and after a frame whose scene the
+    /// tessellation was not made from.
     pub fn spent(&self) -> u64 {
         self.spent
     }
@@ -113,9 +113,9 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
     /// priority, highest first. The frame ends when `keep` returns false or the budget is spent; the object
     /// for which `keep` returned false is not kept.
     ///
-    /// With a budget of `usize::MAX` objects, `keep` alone decides. It may draw the object and look at a clock,
-    /// charge the cost of a level of detail in place of the object's own, or stop at a priority. The priority
-    /// is an estimate from 0 to 1 of how likely the object is seen in a pixel or more.
+    /// With a budget of `usize::MAX` objects, `keep` alone decides. It may draw the object and look at a
+    /// clock, charge the cost of a level of detail in place of the object's own, or stop at a priority. The
+    /// priority is an estimate from 0 to 1 of how likely the object is seen in a pixel or more.
     ///
     /// Objects that are in no cell come first, with the priority 1. They are kept whatever `keep` returns.
     /// `keep` is not called if the tessellation was made from another scene.

@@ -35,9 +35,9 @@ pub struct Fineness {
 }
 
 impl Default for Fineness {
-    /// At most 64 triangle corners per leaf, and leaves of at least 1/256 of the scene's side. Twelve times as
-    /// many corners make a frame of [`PlpCuller`](crate::PlpCuller) up to a quarter shorter, and lose up to 14 %
-    /// of the visible objects at small budgets, most in buildings and in scenes of few triangles.
+    /// At most 64 triangle corners per leaf, and leaves of at least 1/256 of the scene's side. Twelve times
+    /// as many corners make a frame of [`PlpCuller`](crate::PlpCuller) up to a quarter shorter, and lose up
+    /// to 14 % of the visible objects at small budgets, most in buildings and in scenes of few triangles.
     fn default() -> Self {
         Self { vertices: 64, halvings: 8 }
     }

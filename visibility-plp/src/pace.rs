@@ -18,8 +18,8 @@ const MAX_FACTOR: f64 = 4.0;
 /// [`record`](Self::record) and the culler count the same. A constant time in every frame, besides that for
 /// the cost, is part of the measured speed: budgets converge if it is less than the budget of time.
 ///
-/// Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000, section
-/// 6, name budgets that adjust themselves as future work.
+/// Klosowski and Silva, "The Prioritized-Layered Projection Algorithm for Visible Set Estimation", 2000,
+/// section 6, name budgets that adjust themselves as future work.
 ///
 /// ```
 /// use visibility_plp::{Budget, Pace};
@@ -51,9 +51,10 @@ impl Pace {
     }
 
     /// Takes in a measured frame: the cost that was drawn, such as
-    /// [`PlpCuller::spent`](crate::PlpCuller::spent), and the time that this took. A quarter of the difference
-    /// to the speed so far changes the speed; a speed more than four times lower or higher counts as four
-    /// times. A frame without cost or time says nothing, as does a time that is negative or not finite.
+    /// [`PlpCuller::spent`](crate::PlpCuller::spent), and the time that this took. A quarter of the
+    /// difference to the speed so far changes the speed; a speed more than four times lower or higher counts
+    /// as four times. A frame without cost or time says nothing, as does a time that is negative or not
+    /// finite.
     pub fn record(&mut self, cost: u64, microseconds: f64) {
         if cost == 0 || !(microseconds > 0.0 && microseconds.is_finite()) {
             return;

@@ -25,8 +25,8 @@ pub enum Solidity {
     /// transmittance, so the penalty that the figure adds for cells that are not star-shaped with respect to
     /// the eye is not needed. Groups of similar objects in a cell are projected separately: small objects,
     /// objects seen at a slant and objects with another surface close in front, compared with the eye's
-    /// distance, have lower priority. Of these groups, each object is kept in the order of its own size, slant
-    /// and distance. In parallel views, size and slant make no difference.
+    /// distance, have lower priority. Of these groups, each object is kept in the order of its own size,
+    /// slant and distance. In parallel views, size and slant make no difference.
     ///
     /// Instead of the objects' normals, which that paper names as future work, the covered share along each
     /// axis makes the estimate depend on direction.
@@ -106,8 +106,8 @@ pub(crate) fn priority_factor(angle: f32) -> f32 {
 ///
 /// A free distance of a metre says nothing against a surface half a metre from the eye, and much against one
 /// a hundred metres away. Openness without the distance put far roofs and slopes, which are open, before the
-/// walls and the ground around the eye. The free distance along the eye's own line differs from the mean
-/// over all lines, so the eye's distance counts by the geometric mean with that of an average eye, which is 1.
+/// walls and the ground around the eye. The free distance along the eye's own line differs from the mean over
+/// all lines, so the eye's distance counts by the geometric mean with that of an average eye, which is 1.
 #[inline]
 pub(crate) fn free_share(openness: f32, distance: f32) -> f32 {
     let distance = if distance < f32::MAX { Vec2::splat(distance).sqrt().x } else { 1.0 };

@@ -1,5 +1,5 @@
-//! Tests of frames that end when the caller says so: by a clock of the caller, by levels of detail, and of the
-//! budget that a frame took.
+//! Tests of frames that end when the caller says so: by a clock of the caller, by levels of detail, and of
+//! the budget that a frame took.
 
 use crate::common::{looking_along_x, rooms, run, triangles, views};
 use visibility_core::{Aabb, Object, ObjectId, Scene, View, VisibleSet};
@@ -57,8 +57,8 @@ fn a_frame_ends_when_the_clock_of_the_caller_says_so() {
     assert!(ended > 60, "{ended} frames were ended by the clock");
 }
 
-/// With levels of detail, the budget holds for the triangles of the levels that are drawn: distant objects are
-/// drawn with a fifth of their triangles, so more of them fit.
+/// With levels of detail, the budget holds for the triangles of the levels that are drawn: distant objects
+/// are drawn with a fifth of their triangles, so more of them fit.
 #[test]
 fn the_cost_of_levels_of_detail_is_what_the_caller_charges() {
     let (scene, ..) = rooms(12);

@@ -7,8 +7,9 @@ use visibility_core::ObjectId;
 /// comes out first.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ready {
-    /// Key and object. The high 32 bits of a key are those of the priority, the low 32 bits the inverted number
-    /// of pushes before, so that among objects of equal priority the one pushed first has the greatest key.
+    /// Key and object. The high 32 bits of a key are those of the priority, the low 32 bits the inverted
+    /// number of pushes before, so that among objects of equal priority the one pushed first has the greatest
+    /// key.
     heap: BinaryHeap<(u64, ObjectId)>,
     /// Number of pushes since the last [`clear`](Self::clear), wrapping at 2^32.
     tickets: u32,

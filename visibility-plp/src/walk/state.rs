@@ -87,8 +87,8 @@ impl<T: ?Sized> FrameContext<'_, T> {
     }
 }
 
-/// Closure that is asked, with an object and its priority (0 to 1), whether the object is kept. The frame ends
-/// when it returns false.
+/// Closure that is asked, with an object and its priority (0 to 1), whether the object is kept. The frame
+/// ends when it returns false.
 pub(crate) type Keep<'a> = &'a mut dyn FnMut(ObjectId, f32) -> bool;
 
 /// Result of projecting objects, that is, of appending them to the frame's result: whether the budget

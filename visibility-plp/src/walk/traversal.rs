@@ -14,8 +14,8 @@ impl Walk {
     /// Begins a frame: keeps the objects that are in no cell (strays and objects changed since the last
     /// `sync`) and puts the first cells into the front, the queue of cells to project. Returns true if the
     /// frame can go on. Returns false, with no object kept, if the tessellation was made from another scene
-    /// or the scene's change log no longer reaches back to the last `sync`. `keep` is told of the objects that
-    /// are in no cell, with the priority 1; its answers are ignored.
+    /// or the scene's change log no longer reaches back to the last `sync`. `keep` is told of the objects
+    /// that are in no cell, with the priority 1; its answers are ignored.
     pub(crate) fn begin<T: Tessellation + ?Sized>(
         &mut self,
         frame: &FrameContext<'_, T>,
