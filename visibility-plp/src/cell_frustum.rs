@@ -200,6 +200,38 @@ impl CellFrustum {
         })
     }
 
+    /// Returns the distance in metres from the eye to a scene-relative box: 0 inside. Infinite for a parallel
+    /// view.
+    #[inline]
+    pub(crate) fn distance(&self, bounds: &Aabb) -> f32 {
+        match self.eye {
+            Eye::Point(eye) => eye.distance(eye.max(bounds.min.as_dvec3()).min(bounds.max.as_dvec3())) as f32,
+            Eye::Direction(_) => f32::INFINITY,
+        }
+    }
+
+    /// Returns the solid angle in steradians that some triangles cover as seen from `eye`, summed over the
+    /// triangles, and the distance in metres from the eye to the box around them. No triangle covers more
+    /// than a steradian or so, however near it is.
+    #[inline]
+    pub(crate) fn appearance<'a>(
+        &self,
+        eye: DVec3,
+        triangles: impl Iterator<Item = &'a Triangle>,
+    ) -> (f32, f32) {
+        let (mut angle, mut bounds) = (0.0, Aabb::EMPTY);
+        for triangle in triangles {
+            let [a, b, c] = triangle.map(|p| p.as_dvec3());
+            let normal = (b - a).cross(c - a) * 0.5;
+            let from_center = eye - (a + b + c) / 3.0;
+            let squared = from_center.length_squared();
+            let cosine_area = normal.dot(from_center).abs() / squared.sqrt();
+            angle += cosine_area / squared.max(normal.length());
+            bounds = bounds.union(&Aabb::from_points(*triangle));
+        }
+        (angle as f32, self.distance(&bounds))
+    }
+
     /// Returns the unit direction of the view ray to a scene-relative point. Zero for a point in the eye. The
     /// viewing direction for a parallel view.
     #[inline]

@@ -3,7 +3,7 @@
 use crate::cell_frustum::CellFrustum;
 use crate::solidity::Solidity;
 use crate::tessellation::Tessellation;
-use crate::walk::{Budget, FrameContext, PlpSettings, Projected, Walk};
+use crate::walk::{Budget, FrameContext, Keep, PlpSettings, Projected, Walk};
 use alloc::vec::Vec;
 use core::ops::Deref;
 use visibility_core::{
@@ -15,9 +15,10 @@ use visibility_core::{
 /// the remaining cells against an occlusion map of the projected objects.
 ///
 /// After the budget is spent, the cells of the front (the priority queue of cells next to projected cells)
-/// are tested against the map. Hidden cells are dropped, and cells that can only be reached through hidden
-/// cells are never tested. The other cells are projected in full: their objects are kept, their occluders are
-/// added to the map, and their neighbours join the front. The frame ends when the front is empty.
+/// are tested against the map, and so are objects that the budget left over. Hidden cells are dropped, and
+/// cells that can only be reached through hidden cells are never tested. The other cells are projected in
+/// full: their objects are kept, their occluders are added to the map, and their neighbours join the front.
+/// The frame ends when the front is empty.
 ///
 /// As accurate as the map, at best conservative. A view ray to a visible point passes only through visible
 /// points, so no cell on its way is found hidden. An object is kept if any cell that the object meets is
@@ -87,7 +88,8 @@ pub struct ConservativePlpCuller<S, M> {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[non_exhaustive]
 pub struct ConservativeStats {
-    /// Number of boxes tested against the map: boxes of single cells and boxes around groups of cells.
+    /// Number of boxes tested against the map: boxes of single cells, boxes around groups of cells, and boxes
+    /// of objects that were looked up before the budget was spent and did not fit into it.
     pub tests: u64,
     /// Number of tested cells that were not found hidden.
     pub visible_cells: u64,
@@ -249,7 +251,8 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         map.flush();
         let frustum = CellFrustum::new(view, scene.origin(), &tessellation.bounds());
         let frame = FrameContext { tessellation, scene, visible, frustum, settings: *settings };
-        if !walk.begin(&frame) {
+        let keep: Keep<'_> = &mut |_, _| true;
+        if !walk.begin(&frame, keep) {
             return CullStats::default().with_visible(visible.count(scene) as u64);
         }
         let cells = tessellation.content().cell_count();
@@ -258,14 +261,23 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         sorted.clear();
         sorted.reserve(cells);
         while let Some(cell) = walk.next() {
-            if walk.step(&frame, cell) == Projected::OutOfBudget {
+            if walk.step(&frame, cell, keep) == Projected::OutOfBudget {
                 // The cell has further layers to be projected.
                 walk.put_back(cell);
                 break;
             }
         }
-        walk.check_candidates(&frame, false);
         add_occluders(map, scene, &walk.order);
+        // Objects that were looked up but did not fit into the budget: each is tested by its own bounds.
+        let budgeted = walk.order.len();
+        while let Some(id) = walk.ready.pop() {
+            let bounds = scene.bounds(id).ok().filter(|bounds| frame.frustum.is_beyond_near(bounds));
+            stats.tests += u64::from(bounds.is_some());
+            if bounds.is_none_or(|bounds| map.test_mut(&bounds) != Occlusion::Hidden) {
+                walk.order.push(id);
+            }
+        }
+        add_occluders(map, scene, &walk.order[budgeted..]);
         loop {
             waiting.clear();
             while let Some(cell) = walk.next() {

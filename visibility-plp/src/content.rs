@@ -4,7 +4,7 @@ use crate::index_lists::IndexLists;
 use crate::layers::{Sides, push_list};
 use crate::normal_bins::NormalBins;
 use crate::openness::openness_by_index;
-use crate::surface_class::{MaxLean, SurfaceClass, UNKNOWN_LEAN};
+use crate::surface_class::{MaxLean, SurfaceClass, UNKNOWN_LEAN, openness_of};
 use alloc::vec::Vec;
 use core::fmt::Debug;
 use visibility_core::bits::Bits;
@@ -48,6 +48,11 @@ pub struct Content {
     /// For each cell, the share of rays along x, y and z that its objects stop, 0 to 255; then 1 if the cell
     /// has an object, else 0.
     pub(crate) cover: Vec<[u8; 4]>,
+    /// Class of the openness (mean free distance in front of the surfaces) of each object, indexed by object
+    /// index.
+    openness: Vec<u8>,
+    /// Free distance in metres that counts as an openness of 1. Infinite for a scene without extent.
+    far: f32,
     /// Largest number of objects in a cell.
     pub(crate) max_count: u32,
     /// Sum over all cells of the number of axis sides (directions along plus or minus x, y or z, or none) by
@@ -85,7 +90,7 @@ impl Content {
         let known = pairs.iter().copied().filter(is_known);
         let IndexLists { mut starts, mut items } = IndexLists::new(cells, known);
         let max_count = starts.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0);
-        let classes = classes_of(scene);
+        let (classes, far) = classes_of(scene);
         let mut lists = Vec::new();
         let mut side_count = 0;
         let mut held = Bits::new(scene.index_limit());
@@ -104,6 +109,8 @@ impl Content {
             starts,
             lists,
             cover,
+            openness: classes.iter().map(|class| class.0.openness).collect(),
+            far,
             max_count,
             side_count,
             index_limit: scene.index_limit() as u32,
@@ -119,6 +126,19 @@ impl Content {
     #[inline]
     pub fn cell_count(&self) -> usize {
         self.cover.len()
+    }
+
+    /// Returns the free distance in metres that counts as an openness of 1.
+    #[inline]
+    pub(crate) fn far(&self) -> f32 {
+        self.far
+    }
+
+    /// Returns the openness of an object when the cells were filled, 0 to 1. 1 for an object that was not
+    /// there then.
+    #[inline]
+    pub(crate) fn openness(&self, id: ObjectId) -> f32 {
+        self.openness.get(id.index()).map_or(1.0, |&class| openness_of(class))
     }
 
     /// Returns the encoded object list of a cell. Empty for an unknown cell.
@@ -227,6 +247,7 @@ impl Content {
         size_of_val(&self.starts[..])
             + size_of_val(&self.lists[..])
             + size_of_val(&self.cover[..])
+            + size_of_val(&self.openness[..])
             + self.held.memory()
             + self.normals.memory()
             + size_of_val(&self.strays[..])
@@ -235,13 +256,13 @@ impl Content {
 
 /// Returns, by object index, the surface class of every object and the bound on how far its normal leans from
 /// the nearest axis. Unused indices hold the default class and [`UNKNOWN_LEAN`].
-fn classes_of(scene: &Scene) -> Vec<(SurfaceClass, MaxLean)> {
-    let openness = openness_by_index(scene);
+fn classes_of(scene: &Scene) -> (Vec<(SurfaceClass, MaxLean)>, f32) {
+    let (openness, far) = openness_by_index(scene);
     let mut classes = alloc::vec![(SurfaceClass::default(), UNKNOWN_LEAN); scene.index_limit()];
     for id in scene.ids() {
         classes[id.index()] = SurfaceClass::of_object(scene, id, openness[id.index()]);
     }
-    classes
+    (classes, far)
 }
 
 #[cfg(test)]

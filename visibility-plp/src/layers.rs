@@ -113,14 +113,6 @@ pub(crate) struct Layer<'a> {
     bytes: &'a [u8],
 }
 
-impl Layer<'_> {
-    /// Returns an upper bound on the number of objects not returned yet: the number of their bytes.
-    #[inline]
-    pub(crate) fn max_len(&self) -> usize {
-        self.bytes.len()
-    }
-}
-
 impl Iterator for Layer<'_> {
     type Item = u32;
 

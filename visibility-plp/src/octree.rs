@@ -20,8 +20,8 @@ use visibility_core::{Aabb, Scene};
 ///
 /// ```
 /// use visibility_plp::Fineness;
-/// let fine = Fineness { vertices: 128, ..Fineness::default() };
-/// assert!(fine.vertices < Fineness::default().vertices);
+/// let coarse = Fineness { vertices: 1000, ..Fineness::default() };
+/// assert!(coarse.vertices > Fineness::default().vertices);
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Fineness {
@@ -35,12 +35,11 @@ pub struct Fineness {
 }
 
 impl Default for Fineness {
-    /// At most 768 triangle corners per leaf, and leaves of at least 1/256 of the scene's side. With a sixth
-    /// of the corners, [`PlpCuller`](crate::PlpCuller) finds no more visible objects and takes half as long
-    /// again. `ConservativePlpCuller` benefits from smaller leaves, since only cells that lie wholly behind
-    /// occluders are hidden.
+    /// At most 64 triangle corners per leaf, and leaves of at least 1/256 of the scene's side. Twelve times
+    /// as many corners make a frame of [`PlpCuller`](crate::PlpCuller) up to a quarter shorter, and lose up
+    /// to 14 % of the visible objects at small budgets, most in buildings and in scenes of few triangles.
     fn default() -> Self {
-        Self { vertices: 768, halvings: 8 }
+        Self { vertices: 64, halvings: 8 }
     }
 }
 

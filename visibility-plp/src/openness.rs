@@ -48,7 +48,8 @@ const MIN_BLOCKING_COSINE: f32 = 1e-3;
 const SAME_SURFACE: f32 = 0.25;
 
 /// Returns the openness of every object, indexed by [`ObjectId::index`](visibility_core::ObjectId::index):
-/// from 0 (enclosed) to 1 (no surface in front within half the scene's radius).
+/// from 0 (enclosed) to 1 (no surface in front within half the scene's radius). Also returns that half radius
+/// in metres, infinite where all objects have 1.
 ///
 /// An object has the openness of its most open triangle. Objects without triangles are measured by the faces
 /// of their bounds. A triangle edge-on to all directions has 1/2. The openness is 1 for objects without
@@ -56,7 +57,7 @@ const SAME_SURFACE: f32 = 0.25;
 /// overflows or underflows f32.
 ///
 /// Cost: O(n log n) in the number of triangles, about a microsecond each.
-pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
+pub(crate) fn openness_by_index(scene: &Scene) -> (Vec<f32>, f32) {
     let mut triangles: Vec<(u32, [Vec3; 3])> = Vec::new();
     for id in scene.ids() {
         for_each_shape(scene, id, &mut |part| {
@@ -70,7 +71,7 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
     // The length is in f64, since squares overflow f32 before coordinates do.
     let radius = (max - center).as_dvec3().length();
     if !(radius > 0.0 && radius < f64::from(f32::MAX)) {
-        return by_index;
+        return (by_index, f32::INFINITY);
     }
     let wide = |v: Vec3| v.as_dvec3();
     let area: f64 =
@@ -86,7 +87,7 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
     let side = (radius * 2.0 / spacing) as u32;
     let (radius, spacing) = (radius as f32, spacing as f32);
     if !(radius.is_normal() && spacing.is_normal()) {
-        return by_index;
+        return (by_index, f32::INFINITY);
     }
     // For each triangle, the sum of its weighted free distances and the sum of the weights.
     let mut sums = alloc::vec![(0.0f32, 0.0f32); triangles.len()];
@@ -115,7 +116,7 @@ pub(crate) fn openness_by_index(scene: &Scene) -> Vec<f32> {
         *of_object = if *object == last { of_object.max(openness) } else { openness };
         last = *object;
     }
-    by_index
+    (by_index, radius * FAR)
 }
 
 /// Cosine and sine of the golden angle, by which each direction of sampling lines is turned about the z axis
@@ -329,7 +330,7 @@ mod tests {
                     }
                     cube(&mut scene, center + turn * Vec3::X * 12.0, 1.0, turn);
                 }
-                let openness = openness_by_index(&scene);
+                let openness = openness_by_index(&scene).0;
                 for of_copy in openness.chunks(36) {
                     let most_inside = of_copy[..12].iter().copied().fold(0.0, f32::max);
                     let least_outside = of_copy[12..].iter().copied().fold(1.0, f32::min);
@@ -347,21 +348,21 @@ mod tests {
         let triangle = |z: f32| [Vec3::new(-0.5, -0.5, z), Vec3::new(0.5, -0.5, z), Vec3::new(0.0, 0.5, z)];
         scene.set_triangles(both, [triangle(0.9), triangle(9.0), triangle(0.8)]).unwrap();
         let boxed = scene.insert(Aabb::from_arrays([-0.1; 3], [0.1; 3]));
-        let openness = openness_by_index(&scene);
+        let openness = openness_by_index(&scene).0;
         assert!(openness[both.index()] > 0.9, "{openness:?}");
         assert!(openness[boxed.index()] < 0.6, "{openness:?}");
     }
 
     #[test]
     fn openness_is_within_its_range_for_any_scene() {
-        assert!(openness_by_index(&Scene::new()).is_empty(), "an empty scene has no openness");
+        assert!(openness_by_index(&Scene::new()).0.is_empty(), "an empty scene has no openness");
         for size in [0.0, 1e-30, 1e25, f32::MAX, f32::INFINITY, f32::NAN] {
             let mut scene = Scene::new();
             scene.insert(Aabb::from_arrays([-size; 3], [size; 3]));
             scene.insert(Aabb::from_arrays([0.0; 3], [0.0; 3]));
             let id = scene.insert(Aabb::from_arrays([-1.0; 3], [1.0; 3]));
             scene.set_triangles(id, [[Vec3::ZERO, Vec3::X, Vec3::X], [Vec3::NAN; 3]]).unwrap();
-            for openness in openness_by_index(&scene) {
+            for openness in openness_by_index(&scene).0 {
                 assert!((0.0..=1.0).contains(&openness), "{size}: {openness}");
             }
         }

@@ -24,8 +24,9 @@ pub enum Solidity {
     /// a cell add up to 1, and summed over faces. A cell away from the direct view rays receives little
     /// transmittance, so the penalty that the figure adds for cells that are not star-shaped with respect to
     /// the eye is not needed. Groups of similar objects in a cell are projected separately: small objects,
-    /// objects seen at a slant and objects with another surface close in front have lower priority. In
-    /// parallel views, size and slant make no difference.
+    /// objects seen at a slant and objects with another surface close in front, compared with the eye's
+    /// distance, have lower priority. Of these groups, each object is kept in the order of its own size,
+    /// slant and distance. In parallel views, size and slant make no difference.
     ///
     /// Instead of the objects' normals, which that paper names as future work, the covered share along each
     /// axis makes the estimate depend on direction.
@@ -98,13 +99,30 @@ pub(crate) fn priority_factor(angle: f32) -> f32 {
     if angle < f32::MAX { (angle / (angle + HALF_PRIORITY_ANGLE)).max(1e-6) } else { 1.0 }
 }
 
-/// Returns the estimated probability that some object in a cell is seen, 0 to 1: the square root of
-/// `transmittance`, the cell's transmittance. Errors of transmittance accumulate from cell to cell, so the
-/// square root gives transmittance less weight than an object's own size and openness.
+/// Returns the estimated probability that a surface in view is not hidden by what stands close in front of
+/// it, 0 to 1: `openness / (openness + sqrt(distance))`. `openness` is the surface's mean free distance and
+/// `distance` the eye's distance from it, both in units of the free distance that counts as an openness of 1.
+/// An infinite distance counts as 1; NaN gives 1.
+///
+/// A free distance of a metre says nothing against a surface half a metre from the eye, and much against one
+/// a hundred metres away. Openness without the distance put far roofs and slopes, which are open, before the
+/// walls and the ground around the eye. The free distance along the eye's own line differs from the mean over
+/// all lines, so the eye's distance counts by the geometric mean with that of an average eye, which is 1.
+#[inline]
+pub(crate) fn free_share(openness: f32, distance: f32) -> f32 {
+    let distance = if distance < f32::MAX { Vec2::splat(distance).sqrt().x } else { 1.0 };
+    let share = openness / (openness + distance);
+    if share.is_nan() { 1.0 } else { share }
+}
+
+/// Returns the estimated probability that some object in a cell is seen, 0 to 1: `transmittance`, the cell's
+/// transmittance, to the power of 3/4. Errors of transmittance accumulate from cell to cell, so the power
+/// gives transmittance less weight than an object's own size and openness.
 #[inline]
 pub(crate) fn visibility_chance(transmittance: f32) -> f32 {
     // `sqrt` of f32 needs `std`; glam's vectors have one without.
-    Vec2::splat(transmittance).sqrt().x
+    let root = Vec2::splat(transmittance).sqrt();
+    root.x * root.sqrt().x
 }
 
 /// Returns, for each of the six axis sides and last for objects without a side, the factor by which a surface
@@ -176,6 +194,20 @@ fn is_star_shaped<T: Tessellation + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn free_distance_counts_by_the_distance_of_the_eye() {
+        // A wall across a street from the eye, before an open roof far away; and the other way round if both
+        // are as far.
+        assert!(free_share(0.05, 0.001) > free_share(0.5, 0.5), "a near wall and a far roof");
+        assert!(free_share(0.05, 0.5) < free_share(0.5, 0.5), "a wall and a roof at one distance");
+        assert_eq!(free_share(0.25, 0.0625), 0.5, "the free distance is the root of the eye's distance");
+        assert_eq!(free_share(0.25, f32::INFINITY), 0.2, "an eye at infinity is an average eye");
+        for (openness, distance) in [(0.0, 0.0), (f32::NAN, 1.0), (0.5, f32::NAN)] {
+            let share = free_share(openness, distance);
+            assert!((0.0..=1.0).contains(&share), "{openness} {distance}: {share}");
+        }
+    }
 
     #[test]
     fn what_faces_the_eye_shows_most() {

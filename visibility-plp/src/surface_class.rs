@@ -60,6 +60,13 @@ fn halves_below_one(openness: f32) -> u8 {
     below.min(u8::MAX.into()) as u8
 }
 
+/// Returns the least openness (greater than 0, at most 1) of an openness class.
+#[inline]
+pub(crate) fn openness_of(class: u8) -> f32 {
+    let halves = u32::from(FULLY_OPEN - class.min(FULLY_OPEN));
+    f32::from_bits(((1.0f32.to_bits() >> 22) - halves) << 22)
+}
+
 impl SurfaceClass {
     /// Returns an object's class and the lean of its normal. The area is that of the object's triangles, or
     /// of its bounds' six faces if it has no triangles. `openness` is 0 to 1, NaN counts as 1. Objects that
@@ -96,8 +103,7 @@ impl SurfaceClass {
     /// the openness class.
     #[inline]
     pub(crate) fn openness(self) -> f32 {
-        let halves = u32::from(FULLY_OPEN - self.openness.min(FULLY_OPEN));
-        f32::from_bits(((1.0f32.to_bits() >> 22) - halves) << 22)
+        openness_of(self.openness)
     }
 
     /// Returns the rank of the class: area times openness on a logarithmic scale, in steps of a factor of

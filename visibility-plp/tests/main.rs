@@ -13,3 +13,4 @@ mod tessellations;
 #[global_allocator]
 static ALLOCATOR: visibility_testing::allocations::CountingAllocator =
     visibility_testing::allocations::CountingAllocator;
+mod time;

@@ -14,7 +14,6 @@ use visibility_examples::arguments::{count, parse_size};
 use visibility_examples::plp::conservative::{Effort, conservative, front_to_back, frustum};
 use visibility_examples::plp::{BUDGETS, Coverage, Method, TriangleWorld, coverage, plot, right_and_wrong};
 use visibility_examples::walkthrough::World;
-use visibility_examples::walkthrough::cullers::plp::FINE;
 use visibility_examples::{Reading, exit_code, open_as, println};
 use visibility_hzb::Hzb;
 use visibility_measure::ItemBuffer;
@@ -130,8 +129,8 @@ fn show(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 fn show_conservative(world: &World) -> Result<(), Box<dyn Error>> {
     let total = world.source.triangle_count() as u64;
     println!("{}: {} triangles, {} frames", world.source.name, total, world.views.len());
-    for vertices in [FINE.vertices, 128, 1000, 5000] {
-        let fineness = Fineness { vertices, halvings: 8 };
+    for vertices in [Fineness::default().vertices, 128, 1000, 5000] {
+        let fineness = Fineness { vertices, ..Fineness::default() };
         let cells = Arc::new(OctreeTessellation::from_scene(&world.scene, fineness));
         println!("at most {vertices} corners of triangles a cell: {} cells", cells.content().cell_count());
         let map = || Hzb::new(512, 288);

@@ -4,9 +4,12 @@
 //! `projection` appends the objects of a layer to the result, and `traversal` is the loop over cells.
 
 mod projection;
+mod ready;
 mod remaining_layers;
 mod state;
 mod traversal;
 
 pub use state::Budget;
+#[cfg(feature = "papers")]
+pub(crate) use state::Keep;
 pub(crate) use state::{FrameContext, PlpSettings, Projected, Walk};

@@ -1,35 +1,25 @@
-//! Projection of a cell's layers: keeps each object at most once, until the budget is spent. An object is
-//! kept if the visible set contains it and no test proves it outside of the view or facing away.
+//! Projection of a cell's layers: looks up each object once, and gives it a priority of its own. An object is
+//! looked up if the visible set contains it and no test proves it outside of the view or facing away.
 
-use super::state::{BATCH, Budget, Candidate, FrameContext, MAX_TESTED_TRIANGLES, Projected, Walk};
+use super::state::{Candidate, FrameContext, Keep, MAX_TESTED_TRIANGLES, Projected, Walk};
 use crate::normal_bins::EyeSide;
+use crate::solidity::{Solidity, free_share, priority_factor};
 use crate::tessellation::Tessellation;
+use visibility_core::ObjectId;
+use visibility_core::glam::DVec3;
+use visibility_core::view::Eye;
 
 impl Walk {
-    /// Returns how many pending candidates (objects awaiting a budget check) certainly fit into the remaining
-    /// budget. 0 for a budget by cost, since costs are unknown until each object is read; `usize::MAX` if
-    /// `unlimited`.
-    #[inline]
-    fn affordable<T: ?Sized>(&self, frame: &FrameContext<'_, T>, unlimited: bool) -> usize {
-        match frame.settings.budget {
-            _ if unlimited => usize::MAX,
-            Budget::Objects(_) => usize::try_from(self.budget_left).unwrap_or(usize::MAX),
-            Budget::Cost(_) => 0,
-        }
-    }
-
-    /// Checks the pending candidates: appends to `order` each object that is in the visible set and not
-    /// proven outside of the view or facing away, and charges the budget for the object. Clears the
-    /// candidates.
-    ///
-    /// Stops at the first object whose cost exceeds the remaining budget and returns
-    /// [`Projected::OutOfBudget`]. Objects not appended then may become candidates again. With `unlimited`,
-    /// the budget is neither checked nor charged.
-    pub(crate) fn check_candidates<T: ?Sized>(
+    /// Looks up the pending candidates: pushes each object that is in the visible set and not proven outside
+    /// of the view or facing away to `ready`, with its priority. Clears the candidates. `chance` is the
+    /// estimated probability that view rays reach the candidates' cell, and `area` the mean area of their
+    /// layer in square metres.
+    fn check_candidates<T: Tessellation + ?Sized>(
         &mut self,
         frame: &FrameContext<'_, T>,
-        unlimited: bool,
-    ) -> Projected {
+        chance: f32,
+        area: f32,
+    ) {
         let candidates = self.candidates[..self.candidate_count].iter();
         self.candidate_count = 0;
         self.seen.clear();
@@ -42,78 +32,63 @@ impl Walk {
             count += usize::from(frame.visible.contains(frame.scene, self.seen[count].0));
         }
         self.seen.truncate(count);
-        self.remove_unseen(frame);
-        for (place, &(id, ..)) in self.seen.iter().enumerate() {
-            if !unlimited {
-                let cost = frame.cost(id);
-                if cost > self.budget_left {
-                    for (id, ..) in &self.seen[place..] {
-                        self.taken.remove(id.index());
-                    }
-                    return Projected::OutOfBudget;
-                }
-                self.budget_left -= cost;
-            }
-            self.order.push(id);
-        }
-        Projected::Complete
-    }
-
-    /// Tests the candidates in `seen` triangle by triangle and removes each object of at most
-    /// [`MAX_TESTED_TRIANGLES`] triangles that is certainly invisible: all its triangles face away from the
-    /// eye, or all lie outside of one view plane that the object's cell crosses. Undecided objects stay.
-    fn remove_unseen<T: ?Sized>(&mut self, frame: &FrameContext<'_, T>) {
         // Triangles are copied before any of them is tested, so that cache misses overlap.
         self.tested.clear();
-        for (place, &(id, eye_side, crossed)) in (0..).zip(&self.seen) {
-            if (eye_side == EyeSide::Unknown || crossed != 0)
-                && let Ok(triangles) = frame.scene.triangles(id)
+        for (place, &(id, ..)) in (0..).zip(&self.seen) {
+            if let Ok(triangles) = frame.scene.triangles(id)
                 && triangles.len() <= MAX_TESTED_TRIANGLES
             {
                 self.tested.extend(triangles.iter().map(|triangle| (place, triangle)));
             }
         }
-        for of_one in self.tested.chunk_by(|a, b| a.0 == b.0) {
-            let (_, eye_side, crossed) = &mut self.seen[of_one[0].0 as usize];
-            let triangles = || of_one.iter().map(|(_, triangle)| triangle);
-            let backs = *eye_side == EyeSide::Unknown && frame.frustum.sees_backs(triangles());
-            if backs || frame.frustum.is_outside(triangles(), *crossed) {
-                *eye_side = EyeSide::Back;
+        let mut rest = &self.tested[..];
+        for (place, &(id, eye_side, crossed)) in (0..).zip(&self.seen) {
+            let (own, others) = rest.split_at(rest.partition_point(|tested| tested.0 <= place));
+            rest = others;
+            let triangles = || own.iter().map(|(_, triangle)| triangle);
+            if !own.is_empty() {
+                let backs = eye_side == EyeSide::Unknown && frame.frustum.sees_backs(triangles());
+                if backs || frame.frustum.is_outside(triangles(), crossed) {
+                    continue;
+                }
             }
-        }
-        if !self.tested.is_empty() {
-            self.seen.retain(|&(_, eye_side, _)| eye_side != EyeSide::Back);
+            let priority = match frame.settings.solidity {
+                Solidity::Coverage => {
+                    let (angle, distance) = match frame.frustum.eye {
+                        Eye::Direction(_) => (f32::INFINITY, f32::INFINITY),
+                        Eye::Point(eye) if own.is_empty() => appearance_of_box(frame, eye, id, area),
+                        Eye::Point(eye) => frame.frustum.appearance(eye, triangles()),
+                    };
+                    let openness = frame.tessellation.content().openness(id);
+                    chance * priority_factor(angle) * free_share(openness, distance / frame.far())
+                }
+                Solidity::Count => 1.0,
+            };
+            self.ready.push(priority, id);
         }
     }
 
-    /// Makes candidates of the objects in the next layer (group of similar objects) of one axis side of
-    /// `cell`. Then removes the layer from the side's range, and the side from the cell if no layer is left.
-    /// `side` is an index into `Walk::sides`. With `unlimited`, the budget is ignored.
-    ///
-    /// Checks the candidates against the visible set and the budget when the batch is full or the remaining
-    /// budget may not cover them. Returns [`Projected::OutOfBudget`] if the budget ended among the
-    /// candidates.
+    /// Looks up the objects in the next layer (group of similar objects) of one axis side of `cell`, and
+    /// pushes them to `ready`. Then removes the layer from the side's range, and the side from the cell if no
+    /// layer is left. `side` is an index into `Walk::sides`.
     pub(super) fn project<T: Tessellation + ?Sized>(
         &mut self,
         frame: &FrameContext<'_, T>,
         cell: u32,
         side: u32,
-        unlimited: bool,
-    ) -> Projected {
+    ) {
         let content = frame.tessellation.content();
         let crossed = self.cells[cell as usize].crossed;
+        let chance = self.cells[cell as usize].chance(frame.settings.solidity);
         let remaining = self.sides[side as usize];
         let (from, to) = (remaining.from as usize, remaining.to as usize);
         let mut layers = content.sides(cell).layers(remaining.side, from, to);
         let layer = layers.next().unwrap_or_default();
-        // All earlier candidates are within the budget.
-        if self.candidate_count + layer.max_len() > self.affordable(frame, unlimited).min(BATCH) {
-            self.check_candidates(frame, unlimited);
-        }
+        let area = layer.class.area();
         // No unpredictable branches: every object is written to the buffer, and the count only grows if the
         // object is new and does not face away.
         let box_from_eye = frame.box_from_eye(&frame.tessellation.cell_bounds(cell));
-        let mut count = self.candidate_count;
+        let mut count = 0;
         for index in layer {
             let Some(candidate) = self.candidates.get_mut(count) else { continue };
             let is_new = self.taken.insert(index as usize);
@@ -124,16 +99,46 @@ impl Walk {
             count += usize::from(is_new & (eye_side != EyeSide::Back));
         }
         self.candidate_count = count;
-        if count > self.affordable(frame, unlimited)
-            && self.check_candidates(frame, unlimited) == Projected::OutOfBudget
-        {
-            return Projected::OutOfBudget;
-        }
+        self.check_candidates(frame, chance, area);
         if !self.sides[side as usize].advance(layers) {
             let state = &mut self.cells[cell as usize];
             state.end_side -= 1;
             self.sides.swap(side as usize, state.end_side as usize);
         }
+    }
+
+    /// Moves objects from `ready` to `order`, highest priority first, down to the priority `bound`, and
+    /// charges the budget. Stops at the first object whose cost exceeds the remaining budget or for which
+    /// `keep` returns false, and returns [`Projected::OutOfBudget`].
+    pub(crate) fn emit<T: ?Sized>(
+        &mut self,
+        frame: &FrameContext<'_, T>,
+        bound: f32,
+        keep: Keep<'_>,
+    ) -> Projected {
+        while let Some((id, priority)) = self.ready.peek(bound) {
+            let cost = frame.cost(id);
+            if cost > self.budget_left || !keep(id, priority) {
+                return Projected::OutOfBudget;
+            }
+            self.budget_left -= cost;
+            self.order.push(id);
+            self.ready.pop();
+        }
         Projected::Complete
     }
+}
+
+/// Returns the solid angle in steradians that an object of `area` square metres of surface covers on average
+/// over all orientations, and the distance in metres from the eye to the object's bounds.
+fn appearance_of_box<T: ?Sized>(
+    frame: &FrameContext<'_, T>,
+    eye: DVec3,
+    id: ObjectId,
+    area: f32,
+) -> (f32, f32) {
+    let Ok(bounds) = frame.scene.bounds(id) else { return (f32::INFINITY, 0.0) };
+    let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+    let from_center = eye.distance_squared((min + max) * 0.5) as f32;
+    (0.5 * area / from_center.max(area), eye.distance(eye.max(min).min(max)) as f32)
 }

@@ -3,14 +3,15 @@
 
 use super::state::{FrameContext, RemainingLayers, UNOPENED, Walk};
 use crate::layers::{Layer, Layers};
-use crate::solidity::{priority_factor, side_factors};
+use crate::solidity::{free_share, priority_factor, side_factors};
 use crate::surface_class::ANY_SIDE;
 use crate::tessellation::Tessellation;
 use visibility_core::Aabb;
 
-/// Constant added to the openness (0 to 1, mean free distance in front of surfaces) in the priority of a
-/// layer of objects, since a surface may be visible although another surface lies close in front.
-const MIN_OPENNESS: f32 = 0.02;
+/// Priority of the best objects of a layer, in units of the priority of its mean object. The objects of a
+/// layer differ by a factor of up to four in area times openness, so the best have about twice the mean. A
+/// layer is looked up when its best objects may be next.
+const BEST_OF_LAYER: f32 = 2.0;
 
 impl RemainingLayers {
     /// Advances this side past its first remaining layer of objects: the range becomes `layers`, the layers
@@ -21,7 +22,8 @@ impl RemainingLayers {
         self.from = self.to + layers.byte_count() as u32;
         let next = layers.next();
         let priority = |Layer { class, .. }| {
-            priority_factor(class.area() * self.solid_angle_per_area) * (class.openness() + MIN_OPENNESS)
+            let angle = class.area() * self.solid_angle_per_area;
+            BEST_OF_LAYER * priority_factor(angle) * free_share(class.openness(), self.distance)
         };
         self.priority = next.clone().map_or(0.0, priority);
         next.is_some()
@@ -70,7 +72,9 @@ impl Walk {
             let from = to + layers.byte_count();
             let solid_angle_per_area = state.solid_angle_per_area * factor;
             let (from, to) = (from as u32, to as u32);
-            let mut remaining = RemainingLayers { priority: 0.0, solid_angle_per_area, from, to, side };
+            let distance = frame.frustum.distance(bounds) / frame.far();
+            let mut remaining =
+                RemainingLayers { distance, priority: 0.0, solid_angle_per_area, from, to, side };
             if remaining.advance(layers) {
                 self.sides.push(remaining);
             }

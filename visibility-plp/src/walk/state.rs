@@ -1,10 +1,11 @@
 //! State of one frame's walk: settings, states of the reached cells, projected objects and the remaining
 //! budget.
 
+use super::ready::Ready;
 use crate::cell_frustum::CellFrustum;
 use crate::front::Front;
 use crate::normal_bins::{BoxFromEye, EyeSide};
-use crate::solidity::Solidity;
+use crate::solidity::{Solidity, visibility_chance};
 use crate::tessellation::{Face, Tessellation};
 use alloc::vec::Vec;
 use visibility_core::glam::Vec3;
@@ -67,15 +68,28 @@ impl<T: ?Sized> FrameContext<'_, T> {
         self.settings.one_sided.then(|| BoxFromEye::new(self.frustum.eye, bounds))
     }
 
+    /// Returns the free distance in metres that counts as an openness of 1.
+    #[inline]
+    pub(super) fn far(&self) -> f32
+    where
+        T: Tessellation,
+    {
+        self.tessellation.content().far()
+    }
+
     /// Returns how much of the budget an object takes: 1 for a budget in objects, the object's cost for a
     /// budget by cost. With a budget by cost, an id that is not in the scene takes 0.
-    pub(super) fn cost(&self, id: ObjectId) -> u64 {
+    pub(crate) fn cost(&self, id: ObjectId) -> u64 {
         match self.settings.budget {
             Budget::Objects(_) => 1,
             Budget::Cost(_) => self.scene.object(id).map_or(0, |object| object.cost.into()),
         }
     }
 }
+
+/// Closure that is asked, with an object and its priority (0 to 1), whether the object is kept. The frame
+/// ends when it returns false.
+pub(crate) type Keep<'a> = &'a mut dyn FnMut(ObjectId, f32) -> bool;
 
 /// Result of projecting objects, that is, of appending them to the frame's result: whether the budget
 /// sufficed.
@@ -136,6 +150,15 @@ impl CellState {
         priority: 1.0,
     };
 
+    /// Returns the estimated probability that view rays reach the cell, 0 to 1. 1 with [`Solidity::Count`].
+    #[inline]
+    pub(super) fn chance(&self, solidity: Solidity) -> f32 {
+        match solidity {
+            Solidity::Coverage => visibility_chance(self.transmittance_or_solidity),
+            Solidity::Count => 1.0,
+        }
+    }
+
     /// Tests whether the eye is in or near the cell: the silhouette's area exceeds 0.9 times the squared
     /// distance from the eye to the cell's centre. The direction to the cell's centre then says little about
     /// the cell's surfaces. Also true for parallel views with [`Solidity::Coverage`].
@@ -155,6 +178,9 @@ pub(super) struct RemainingLayers {
     /// Mean solid angle in steradians of one square metre of surface that faces this side. Infinite for
     /// parallel views.
     pub(super) solid_angle_per_area: f32,
+    /// Distance in metres from the eye to the cell's box, divided by the free distance that counts as an
+    /// openness of 1. 1 for parallel views.
+    pub(super) distance: f32,
     /// Start of the remaining layers, in bytes before the end of the cell's list.
     pub(super) from: u32,
     /// End of the remaining layers, in bytes before the end of the cell's list; at most `from`.
@@ -179,10 +205,6 @@ impl Candidate {
     /// Filler of the unused end of the candidate buffer.
     pub(super) const NONE: Self = Self { index: 0, eye_side: EyeSide::Unknown, crossed: 0 };
 }
-
-/// Number of objects of projected cells that are looked up in the scene together, so that cache misses
-/// overlap.
-pub(super) const BATCH: usize = 256;
 
 /// Maximum number of triangles of an object that is tested triangle by triangle for facing away or lying
 /// outside of the view. Objects with more triangles are kept untested.
@@ -210,6 +232,8 @@ pub(crate) struct Walk {
     pub(super) taken: Bits,
     /// Ids of the objects kept so far in this frame, highest priority first.
     pub(crate) order: Vec<ObjectId>,
+    /// Objects that were looked up and not kept yet.
+    pub(crate) ready: Ready,
     /// Remaining budget, in objects or in cost.
     pub(super) budget_left: u64,
     /// Number of cells that were put into the front, the queue of cells to project, in this frame.
@@ -256,7 +280,8 @@ impl Walk {
         self.sides.clear();
         self.order.clear();
         self.candidates.clear();
-        self.candidates.resize(content.max_count() as usize + BATCH, Candidate::NONE);
+        self.candidates.resize(content.max_count() as usize + 1, Candidate::NONE);
+        self.ready.clear(frame.scene.len());
         self.candidate_count = 0;
         (self.reached, self.projected) = (0, 0);
         self.taken.reset(frame.scene.index_limit().max(content.index_limit()));

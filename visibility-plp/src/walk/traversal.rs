@@ -1,7 +1,7 @@
 //! The rendering loop of figure 4 of Klosowski and Silva, 2000: cells are visited from the eye outwards. The
 //! next cell is always the one with the least solidity in the front, the queue of cells to project.
 
-use super::state::{Budget, CellState, FrameContext, Projected, UNOPENED, Walk};
+use super::state::{Budget, CellState, FrameContext, Keep, Projected, UNOPENED, Walk};
 use crate::cell_frustum::CellPlace;
 use crate::solidity::{
     Solidity, SourceCell, count_solidity, entering_share, solid_angle_per_area, stopped_share,
@@ -14,8 +14,13 @@ impl Walk {
     /// Begins a frame: keeps the objects that are in no cell (strays and objects changed since the last
     /// `sync`) and puts the first cells into the front, the queue of cells to project. Returns true if the
     /// frame can go on. Returns false, with no object kept, if the tessellation was made from another scene
-    /// or the scene's change log no longer reaches back to the last `sync`.
-    pub(crate) fn begin<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>) -> bool {
+    /// or the scene's change log no longer reaches back to the last `sync`. `keep` is told of the objects
+    /// that are in no cell, with the priority 1; its answers are ignored.
+    pub(crate) fn begin<T: Tessellation + ?Sized>(
+        &mut self,
+        frame: &FrameContext<'_, T>,
+        keep: Keep<'_>,
+    ) -> bool {
         let content = frame.tessellation.content();
         self.clear(frame);
         if frame.settings.one_sided {
@@ -32,6 +37,7 @@ impl Walk {
                 self.taken.insert(id.index());
                 if frame.visible.contains(frame.scene, id) {
                     self.order.push(id);
+                    keep(id, 1.0);
                     self.budget_left = self.budget_left.saturating_sub(frame.cost(id));
                 }
             }
@@ -147,24 +153,25 @@ impl Walk {
     }
 
     /// Processes a cell taken from the front. Puts the cell's neighbours into the front unless that was done
-    /// before, then projects the cell's layers of objects, highest priority first, while no cell of the front
-    /// is less solid. A cell with layers left returns to the front. Returns [`Projected::OutOfBudget`] if the
-    /// budget ended.
+    /// before, then looks up the cell's layers of objects, highest priority first, while no cell of the front
+    /// is less solid. A cell with layers left returns to the front. Keeps the objects looked up so far that
+    /// have at least the priority of all that is left in the front, if `keep` agrees. Returns
+    /// [`Projected::OutOfBudget`] if the budget ended or `keep` returned false.
     #[inline]
     pub(crate) fn step<T: Tessellation + ?Sized>(
         &mut self,
         frame: &FrameContext<'_, T>,
         cell: u32,
+        keep: Keep<'_>,
     ) -> Projected {
         if !self.is_closed(cell) {
             self.propagate(frame, cell);
         }
         self.open_if_needed(frame, cell);
         while let Some((side, priority)) = self.best_side(cell) {
+            let chance = self.cells[cell as usize].chance(frame.settings.solidity);
             let solidity = match frame.settings.solidity {
-                Solidity::Coverage => {
-                    1.0 - visibility_chance(self.cells[cell as usize].transmittance_or_solidity) * priority
-                }
+                Solidity::Coverage => 1.0 - chance * priority,
                 // As in the paper, all objects of the cell are projected at once.
                 Solidity::Count => 0.0,
             };
@@ -172,11 +179,12 @@ impl Walk {
                 self.front.push(solidity, cell);
                 break;
             }
-            if self.project(frame, cell, side, false) == Projected::OutOfBudget {
+            if self.emit(frame, 1.0 - solidity, keep) == Projected::OutOfBudget {
                 return Projected::OutOfBudget;
             }
+            self.project(frame, cell, side);
         }
-        Projected::Complete
+        self.emit(frame, self.front.least().map_or(0.0, |least| 1.0 - least), keep)
     }
 
     /// Puts a cell that was taken from the front back into the front, with solidity 0 so that it comes out
@@ -186,6 +194,14 @@ impl Walk {
         self.front.push(0.0, cell);
     }
 
+    /// Keeps all objects that were looked up, without charging the budget.
+    #[cfg(feature = "papers")]
+    pub(crate) fn keep_ready(&mut self) {
+        while let Some(id) = self.ready.pop() {
+            self.order.push(id);
+        }
+    }
+
     /// Projects all remaining objects of a cell without charging the budget, then puts the cell's neighbours
     /// into the front unless that was done before. Does nothing for a cell that was dropped by
     /// [`drop_cell`](Self::drop_cell).
@@ -193,9 +209,9 @@ impl Walk {
     pub(crate) fn finish<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>, cell: u32) {
         self.open_if_needed(frame, cell);
         while let Some((side, _)) = self.best_side(cell) {
-            self.project(frame, cell, side, true);
+            self.project(frame, cell, side);
         }
-        self.check_candidates(frame, true);
+        self.keep_ready();
         if !self.is_closed(cell) {
             self.propagate(frame, cell);
         }

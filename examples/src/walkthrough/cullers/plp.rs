@@ -7,12 +7,8 @@ use std::sync::Arc;
 use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet, view::Eye};
 use visibility_hzb::Hzb;
 use visibility_plp::{
-    Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller,
+    Budget, ConservativePlpCuller, DelaunayTessellation, OctreeTessellation, PlpCuller,
 };
-
-/// Fineness of the octree for the conservative form. Its cells are smaller than those for a budget alone,
-/// since only a cell that is entirely occluded hides its objects.
-pub const FINE: Fineness = Fineness { vertices: 64, halvings: 8 };
 
 /// Budgets that are worth comparing, as percentages of all triangles.
 const SHARES: &[&str] = &["10%", "5%", "2%", "1%"];
@@ -44,10 +40,7 @@ pub(super) const KNOWN: &[Known] = &[
             // triangles, as `plp --conservative` shows.
             let budget = budget(dial.or(Some("1%")), world)?;
             let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
-            world.check_copies()?;
-            let fine = || Ok(OctreeTessellation::from_scene(&world.scene, FINE));
-            let cells = world.prepared.get("a fine octree", fine)?;
-            Ok(Box::new(ConservativePlpCuller::new(cells, budget, map)))
+            Ok(Box::new(ConservativePlpCuller::new(octree_of(world)?, budget, map)))
         },
     },
     Known {
