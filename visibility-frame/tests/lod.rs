@@ -1,6 +1,6 @@
 //! Tests of the selector of levels of detail: levels by size, hysteresis, cross-fades, and resets.
 
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::scene::DrawRange;
 use visibility_core::{Aabb, ObjectId, Pipeline, Pose, Scene, View, VisibleSet, view::Window};
 use visibility_frame::lod::{Lod, LodSelector, PixelScale};
@@ -188,6 +188,27 @@ fn opacity_follows_the_draw_range() {
         (world.see(&view_from(-1.0)).opacity - 0.5).abs() < 1e-6,
         "15 m from another eye the pole is half opaque"
     );
+}
+
+#[test]
+fn what_the_contribution_culler_keeps_is_not_transparent() {
+    let mut world = World::new(LodSelector::new(1000.0));
+    // Without a margin the culler decides, which keeps an object for 5 % beyond its range.
+    let ranges = [(0.0, 50.0, [49.9, 50.1]), (10.0, f32::INFINITY, [10.1, 9.9])];
+    for (begin, end, distances) in ranges {
+        world.scene.set_draw_range(world.pole, DrawRange { begin, end, margin: 0.0 }).unwrap();
+        for distance in distances {
+            let opacity = world.see(&view_from(-distance)).opacity;
+            assert_eq!(opacity, 1.0, "opacity at {distance} m of a range from {begin} to {end} m");
+        }
+    }
+    let faded = DrawRange { begin: 10.0, end: 50.0, margin: 10.0 };
+    world.scene.set_draw_range(world.pole, faded).unwrap();
+    world.scene.set_never_cull(world.pole, true).unwrap();
+    assert_eq!(world.see(&view_from(-5.0)).opacity, 1.0, "opacity of an object that is never culled");
+    world.scene.set_never_cull(world.pole, false).unwrap();
+    world.scene.set_bounds(world.pole, Aabb::new(Vec3::NAN, Vec3::NAN)).unwrap();
+    assert_eq!(world.see(&view_from(-5.0)).opacity, 1.0, "opacity of an object with NaN bounds");
 }
 
 /// Tests many objects in random motion against brute force: each level is allowed by the hysteresis, and

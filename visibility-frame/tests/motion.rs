@@ -182,6 +182,32 @@ fn teleports_other_scenes_and_time_that_jumps_lose_no_mover() {
 }
 
 #[test]
+fn movers_that_are_in_no_scene_are_dropped_whenever_they_come() {
+    let mut scene = Scene::new();
+    let unit = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+    let [stays, goes] = [(); 2].map(|()| scene.insert(unit));
+    let mut volumes = MotionVolumes::new();
+    volumes.insert(stays, Motion::new(1.0));
+    let (mut pipeline, mut visible) = (pipeline(), VisibleSet::new());
+    let (mut due, mut seen) = (Vec::new(), Vec::new());
+    for frame in 0..6 {
+        match frame {
+            1 => scene.remove(goes).unwrap(),
+            2 => volumes.insert(goes, Motion::new(1.0)),
+            4 => volumes.insert(ObjectId::PLACEHOLDER, Motion::new(1.0)),
+            _ => {}
+        }
+        volumes.begin_frame(&mut scene, f64::from(frame), &mut due);
+        assert!(due.iter().all(|&id| id == stays), "movers that are due in frame {frame}: {due:?}");
+        assert_eq!(volumes.len(), 1, "movers in frame {frame}");
+        let bounds: Vec<_> = due.iter().map(|&id| (id, unit)).collect();
+        volumes.set_bounds_batch(&mut scene, &bounds).unwrap();
+        pipeline.cull(&scene, &view(0.0), &mut visible);
+        volumes.end_frame(&scene, &visible, &mut seen);
+    }
+}
+
+#[test]
 fn movers_without_a_volume_are_due_in_every_frame() {
     let mut scene = Scene::new();
     let far = Aabb::from_arrays([-900.0; 3], [-899.0; 3]);

@@ -78,8 +78,9 @@ impl Prefetch {
     /// A viewcell counts as reached when the eye is within `reach` metres of it along each axis, plus the
     /// [misplacement](Viewcells::misplacement) of viewcells. `reach` is the distance from the eye at which
     /// lines of sight begin, such as that of the corners of the near plane, or 0. The listed time of an
-    /// object is never later than the time at which a [`PvsCuller`](super::PvsCuller) first shows it. Objects
-    /// that the PVS never hides are not listed. Changes of objects since the [`ScenePvs`] was made are not
+    /// object is never later than the time at which a [`PvsCuller`](super::PvsCuller) first shows it, unless
+    /// lines of sight begin outside all viewcells: then that culler shows every object. Objects that the PVS
+    /// never hides are not listed. Changes of objects since the [`ScenePvs`] was made are not
     /// taken into account. While the eye is outside all viewcells every object counts as visible, though not
     /// listed: see [`covered_seconds`](Self::covered_seconds).
     ///
@@ -140,7 +141,8 @@ impl Prefetch {
     }
 
     /// Returns for how many seconds the eye of the last [search](Self::search) stays inside viewcells, at
-    /// most the seconds of the search. After that every object counts as visible.
+    /// most the seconds of the search. After that every object counts as visible, and already while the eye is
+    /// within `reach` of a place outside all viewcells.
     pub fn covered_seconds(&self) -> f64 {
         self.covered
     }

@@ -22,7 +22,7 @@ pub struct DrawRange {
     /// Greatest distance at which the object is drawn, in metres, inclusive; at least `begin`, or infinite.
     pub end: f32,
     /// Length in metres, inside the range, over which the object fades in from `begin` on and out up to
-    /// `end`; 0 for no fading. A range from 0 does not fade in.
+    /// `end`; finite and not negative, 0 for no fading. A range from 0 does not fade in.
     pub margin: f32,
 }
 
@@ -42,7 +42,8 @@ impl DrawRange {
     }
 
     pub(super) fn is_valid(&self) -> bool {
-        self.begin >= 0.0 && self.begin.is_finite() && self.end >= self.begin && self.margin >= 0.0
+        let is_length = |number: f32| (0.0..f32::INFINITY).contains(&number);
+        is_length(self.begin) && is_length(self.margin) && self.end >= self.begin
     }
 }
 

@@ -31,7 +31,8 @@ pub struct Lod {
     pub fade: f32,
     /// Opacity of the object by its [draw range](visibility_core::scene::DrawRange::opacity), from 0 to 1. An
     /// object and its [HLOD parent](Scene::set_hlod_parent) do not fade towards each other: 1 for either,
-    /// since a `ContributionCuller` leaves only the one that is drawn.
+    /// since a `ContributionCuller` leaves only the one that is drawn. 1 also for a range without a margin,
+    /// which that culler alone keeps, with its hysteresis, and for an object that is never culled.
     pub opacity: f32,
 }
 
@@ -136,14 +137,13 @@ fn level_of(squared: f64, sizes: &[f32], factor: f64) -> u8 {
 /// other: exactly one of them is drawn at every distance, and would be transparent there.
 fn opacity(scene: &Scene, id: ObjectId, bounds: &Aabb, eye: &EyeBox) -> f32 {
     let Ok(range) = scene.draw_range(id) else { return 1.0 };
-    if range == DrawRange::ALWAYS {
+    if range.margin == 0.0 || scene.object(id).is_ok_and(|object| object.is_unculled()) {
         return 1.0;
     }
     // The begin of the draw range is measured to the object's own bounds and the end to the bounds of its
     // parent, so that no distance is left without either.
     let stand_in = scene.stand_in(id);
-    let stands_in = scene.is_hlod_parent(id) && scene.object(id).is_ok_and(|object| !object.is_unculled());
-    let fade_in = if stands_in {
+    let fade_in = if scene.is_hlod_parent(id) {
         1.0
     } else {
         DrawRange { end: f32::INFINITY, ..range }.opacity(eye.distance(bounds) as f32)

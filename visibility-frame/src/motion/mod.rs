@@ -314,6 +314,10 @@ impl MotionVolumes {
         });
         let mut next = self.active.next(0);
         while let Some(place) = next {
+            // A mover may be inserted after its object was removed, or with an id of another scene.
+            if self.states[place] == State::Inserted && !scene.contains(self.movers[place].id) {
+                self.release(place as u32);
+            }
             let is_due = match self.states[place] {
                 State::Free => false,
                 State::Hidden => !self.enter_volume(scene, place as u32, last),

@@ -360,6 +360,7 @@ fn ranges_and_parents_follow_their_objects() {
         (2.0, 1.0, 0.0),
         (f32::INFINITY, f32::INFINITY, 0.0),
         (0.0, 1.0, -1.0),
+        (0.0, 1.0, f32::INFINITY),
     ] {
         let refused = scene.set_draw_range(a, DrawRange { begin, end, margin });
         assert_eq!(refused, Err(SceneError::DrawRange(a)), "a range of {begin} to {end}, margin {margin}");
