@@ -1,5 +1,5 @@
 //! Checks of the workspace beyond those of the compiler: `cargo run -p xtask -- (api | assertions | cycles |
-//! figures | licenses | modules | package | width)`.
+//! figures | licenses | modules | mutants | package | width)`.
 
 mod api;
 mod assertions;
@@ -9,6 +9,7 @@ mod figures;
 mod item_lines;
 mod licenses;
 mod module_tree;
+mod mutants;
 mod package;
 mod public_items;
 mod signature;
@@ -31,10 +32,11 @@ fn main() -> ExitCode {
         "figures" => figures::check(root, write),
         "licenses" => licenses::check(root),
         "modules" => check_modules(root),
+        "mutants" => mutants::check(root, &std::env::args().skip(2).collect::<Vec<_>>()),
         "package" => package::check(root),
         "width" => check_width(root),
         _ => Err("usage: cargo run -p xtask -- (api [--write] | assertions | cycles | figures [--write] | \
-                  licenses | modules | package | width)"
+                  licenses | modules | mutants (CRATE | FILE) | package | width)"
             .to_owned()),
     };
     match found {

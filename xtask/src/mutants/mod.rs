@@ -1,0 +1,146 @@
+//! Mutation tests of what decides visibility: each comparison, rounding and margin of a crate is changed, one
+//! at a time, and a test of the crate must fail.
+//!
+//! `cargo-mutants` replaces functions and operators, and compiles the crate for each mutant. What it lacks is
+//! here: margins become nothing or half of themselves, `<` becomes `<=`, rounding up becomes rounding down;
+//! and some hundred mutants are compiled at once.
+
+mod run;
+mod schemata;
+mod sites;
+
+use run::Fate;
+use schemata::{Mutant, Tree, batches, flat};
+use std::path::Path;
+use std::time::{Duration, Instant, SystemTime};
+
+/// Mutants that survive the tests of their crates for a reason, one on a line: file, function, expression,
+/// what stands in its place, reason, divided by ` | `.
+const SURVIVORS: &str = "xtask/survivors.txt";
+
+/// Options of the task.
+#[derive(Debug)]
+struct Options {
+    /// Folder of the crate. A file of it, if only its mutants are wanted.
+    package: String,
+    file: Option<String>,
+    /// Number of mutants to draw. All, if that is more.
+    sample: usize,
+    seed: u64,
+    /// Time after which no more batches are begun.
+    limit: Duration,
+}
+
+/// Reads options: a crate or a file of one; `--sample N`, `--seed N`, `--minutes N`.
+fn options(arguments: &[String]) -> Result<Options, String> {
+    let usage = "usage: cargo run -p xtask -- mutants (CRATE | FILE) [--sample N] [--seed N] [--minutes N]";
+    let place = arguments.first().ok_or(usage)?;
+    let package = place.split('/').next().unwrap_or_default().to_owned();
+    let file = place.ends_with(".rs").then(|| place.clone());
+    let day = SystemTime::UNIX_EPOCH.elapsed().map_or(0, |time| time.as_secs() / 86_400);
+    let mut options =
+        Options { package, file, sample: usize::MAX, seed: day, limit: Duration::from_secs(86_400) };
+    for pair in arguments[1..].chunks(2) {
+        let [name, value] = pair else { return Err(usage.to_owned()) };
+        let value: u64 = value.parse().map_err(|_| format!("{name} {value} is no number"))?;
+        match name.as_str() {
+            "--sample" => options.sample = value as usize,
+            "--seed" => options.seed = value,
+            "--minutes" => options.limit = Duration::from_secs(60 * value),
+            _ => return Err(usage.to_owned()),
+        }
+    }
+    Ok(options)
+}
+
+/// Mutates a crate as the arguments say, prints each survivor for which [`SURVIVORS`] has no reason, and
+/// returns their number.
+///
+/// # Errors
+///
+/// Returns a wrong argument, a file that cannot be read or written, and a crate that does not compile.
+pub(crate) fn check(root: &Path, arguments: &[String]) -> Result<usize, String> {
+    let options = options(arguments)?;
+    let begun = Instant::now();
+    let mut mutants = Vec::new();
+    for file in sites::source_files(root, &options.package)? {
+        if options.file.as_ref().is_none_or(|only| *only == file) {
+            let text =
+                std::fs::read_to_string(root.join(&file)).map_err(|error| format!("{file}: {error}"))?;
+            let sites = sites::sites(&text).map_err(|error| format!("{file}: {error}"))?;
+            mutants.extend(schemata::mutants(&file, &text, &sites));
+        }
+    }
+    let reasons = std::fs::read_to_string(root.join(SURVIVORS)).unwrap_or_default();
+    let chosen = drawn(mutants.len(), options.sample, options.seed);
+    let folder = root.join("target/mutants");
+    let tree = Tree::new(root, folder.join("tree"), &options.package)?;
+    let tests_folder = folder.join("tree").join(&options.package);
+    let (mut counts, mut left_out, mut found) = ([0; 4], 0, 0);
+    for mut batch in batches(&mutants, &chosen) {
+        let all = batch.len();
+        if begun.elapsed() > options.limit {
+            left_out += all;
+            continue;
+        }
+        let programs = tree.build(&mutants, &mut batch)?;
+        let tests = run::tests(&programs, &tests_folder)?;
+        let fates = run::fates(&batch, &tests, &tests_folder);
+        counts[3] += all - batch.len();
+        for (&index, fate) in batch.iter().zip(fates) {
+            counts[fate as usize] += 1;
+            let mutant = &mutants[index];
+            if fate != Fate::Killed && !has_reason(&reasons, mutant) {
+                let Mutant { file, function, line, old, new, .. } = mutant;
+                println!("{file}:{line} {fate:?} | {file} | {function} | {old} | {} |", flat(new));
+                found += 1;
+            }
+        }
+    }
+    let [killed, survived, unreached, invalid] = counts;
+    println!(
+        "{}: {} mutants drawn of {}: {killed} killed, {survived} survived, {unreached} not reached by a test, \
+         {invalid} do not compile, {left_out} left out for want of time",
+        options.package,
+        chosen.len(),
+        mutants.len()
+    );
+    Ok(found)
+}
+
+/// Returns whether the list of survivors has a mutant.
+fn has_reason(reasons: &str, mutant: &Mutant) -> bool {
+    let Mutant { file, function, old, new, .. } = mutant;
+    let start = format!("{file} | {function} | {old} | {} | ", flat(new));
+    reasons.lines().any(|line| line.starts_with(&start))
+}
+
+/// Draws `sample` of the numbers below `count` without replacement, sorted; all, if there are no more.
+fn drawn(count: usize, sample: usize, seed: u64) -> Vec<usize> {
+    let mut numbers: Vec<usize> = (0..count).collect();
+    // SplitMix64: each key depends on the seed and the number alone.
+    let key = |number: &usize| {
+        let mut x = seed.wrapping_add((*number as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        x ^ (x >> 31)
+    };
+    numbers.sort_by_key(key);
+    numbers.truncate(sample);
+    numbers.sort_unstable();
+    numbers
+}
+
+#[cfg(test)]
+mod tests {
+    use super::drawn;
+
+    #[test]
+    fn samples_depend_on_the_seed() {
+        assert_eq!(drawn(3, 5, 1), [0, 1, 2], "all numbers if there are no more");
+        let [a, b] = [1, 2].map(|seed| drawn(1000, 10, seed));
+        assert_eq!(a.len(), 10, "numbers drawn: {a:?}");
+        assert_ne!(a, b, "numbers of two seeds");
+        assert!(a.is_sorted_by(|a, b| a < b), "in order, without replacement: {a:?}");
+    }
+}

@@ -1,0 +1,262 @@
+//! Mutant schemata: all mutations of a batch compiled into one program, which an environment variable
+//! switches on one by one.
+//!
+//! This work is based on: R. H. Untch, A. J. Offutt, M. J. Harrold, "Mutation analysis using mutant schemata",
+//! ISSTA 1993.
+
+use super::sites::{Site, source_files};
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Mutation of an expression.
+#[derive(Clone, Debug)]
+pub(crate) struct Mutant {
+    /// File relative to the root of the workspace, with `/` between folders.
+    pub(crate) file: String,
+    pub(crate) function: String,
+    /// Line of the expression in the file, from 1.
+    pub(crate) line: usize,
+    /// Bytes of the expression in the text of the file.
+    range: Range<usize>,
+    pub(crate) old: String,
+    pub(crate) new: String,
+}
+
+/// Returns the mutants of a file with the given text, in the order of its sites.
+pub(crate) fn mutants(file: &str, text: &str, sites: &[Site]) -> Vec<Mutant> {
+    let of_site = |site: &Site| {
+        let (range, old) = (site.range.clone(), flat(&text[site.range.clone()]));
+        let line = text[..range.start].matches('\n').count() + 1;
+        let (file, function) = (file.to_owned(), site.function.clone());
+        let new = |new: &String| Mutant {
+            file: file.clone(),
+            function: function.clone(),
+            line,
+            range: range.clone(),
+            old: old.clone(),
+            new: new.clone(),
+        };
+        site.mutants.iter().map(new).collect::<Vec<_>>()
+    };
+    sites.iter().flat_map(of_site).collect()
+}
+
+/// Returns text with runs of white space as one space.
+pub(crate) fn flat(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Divides mutants, given by their indices, into batches in which no expression holds another one. Mutants of
+/// one expression share a batch.
+pub(crate) fn batches(mutants: &[Mutant], chosen: &[usize]) -> Vec<Vec<usize>> {
+    let mut batches: Vec<Vec<usize>> = Vec::new();
+    let fits = |batch: &Vec<usize>, new: &Mutant| {
+        batch.iter().map(|&index| &mutants[index]).all(|old| {
+            let apart = old.range.end <= new.range.start || new.range.end <= old.range.start;
+            old.file != new.file || old.range == new.range || apart
+        })
+    };
+    for &index in chosen {
+        match batches.iter_mut().find(|batch| fits(batch, &mutants[index])) {
+            Some(batch) => batch.push(index),
+            None => batches.push(vec![index]),
+        }
+    }
+    batches
+}
+
+/// Module that each mutated crate is given: `on(k)` tells whether the mutant `k` is switched on. With `record`
+/// in place of a number, all are off, and those that are asked for are written to a file.
+const SWITCH: &str = r#"
+#[allow(missing_docs, dead_code)]
+mod mutant_switch {
+    extern crate std;
+    use self::std::io::Write;
+    use self::std::sync::atomic::{AtomicBool, Ordering};
+    static CHOSEN: self::std::sync::OnceLock<u32> = self::std::sync::OnceLock::new();
+    static REACHED: [AtomicBool; 65536] = [const { AtomicBool::new(false) }; 65536];
+    pub(crate) fn on(mutant: u32) -> bool {
+        let chosen = *CHOSEN.get_or_init(|| match self::std::env::var("MUTANT").as_deref() {
+            Ok("record") => u32::MAX,
+            Ok(number) => number.parse().unwrap_or(u32::MAX - 1),
+            Err(_) => u32::MAX - 1,
+        });
+        if chosen == u32::MAX && !REACHED[mutant as usize].swap(true, Ordering::Relaxed) {
+            let path = self::std::env::var("MUTANT_RECORD").unwrap_or_default();
+            let file = self::std::fs::OpenOptions::new().create(true).append(true).open(path);
+            let _ = file.and_then(|mut file| self::std::writeln!(file, "{mutant}"));
+        }
+        chosen == mutant
+    }
+}
+"#;
+
+/// Mutated text of a file, and the bytes in it of each mutated expression with the mutants there.
+struct Mutated {
+    text: String,
+    expressions: Vec<(Range<usize>, Vec<usize>)>,
+}
+
+/// Returns the text of a file in which the mutants of a batch can be switched on.
+fn mutated(text: &str, mutants: &[Mutant], batch: &[usize]) -> Mutated {
+    let mut by_range: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    batch.iter().for_each(|&index| by_range.entry(mutants[index].range.start).or_default().push(index));
+    let mut result = Mutated { text: String::new(), expressions: Vec::new() };
+    let mut done = 0;
+    for list in by_range.into_values() {
+        let Range { start, end } = mutants[list[0]].range.clone();
+        result.text += &text[done..start];
+        let begin = result.text.len();
+        result.text.push('(');
+        for &index in &list {
+            result.text +=
+                &format!("if crate::mutant_switch::on({index}) {{ {} }} else ", mutants[index].new);
+        }
+        result.text += &format!("{{ {} }})", &text[start..end]);
+        result.expressions.push((begin..result.text.len(), list));
+        done = end;
+    }
+    result.text += &text[done..];
+    result
+}
+
+/// Copy of the workspace in which one crate is mutated.
+pub(crate) struct Tree {
+    /// The workspace itself.
+    root: PathBuf,
+    /// Its copy.
+    copy: PathBuf,
+    /// Folder of the mutated crate, relative to the root.
+    package: String,
+}
+
+/// Program of tests.
+pub(crate) type Program = PathBuf;
+
+impl Tree {
+    /// Copies the files that git knows to `copy`, without those that are equal there already.
+    pub(crate) fn new(root: &Path, copy: PathBuf, package: &str) -> Result<Self, String> {
+        let list = Command::new("git").arg("-C").arg(root).arg("ls-files").output();
+        let list = list.map_err(|error| format!("git ls-files: {error}"))?.stdout;
+        for name in String::from_utf8_lossy(&list).lines() {
+            let Ok(bytes) = std::fs::read(root.join(name)) else { continue };
+            store(&copy.join(name), &bytes)?;
+        }
+        Ok(Self { root: root.to_owned(), copy, package: package.to_owned() })
+    }
+
+    /// Compiles the tests of the crate with a batch of mutants. Mutants that do not compile leave the batch.
+    /// Returns the programs of tests.
+    pub(crate) fn build(&self, mutants: &[Mutant], batch: &mut Vec<usize>) -> Result<Vec<Program>, String> {
+        loop {
+            let files = self.write(mutants, batch)?;
+            let (programs, errors) = self.compile()?;
+            if errors.is_empty() {
+                return Ok(programs);
+            }
+            let is_wrong = |file: &str, range: &Range<usize>| {
+                errors.iter().any(|(name, bytes)| {
+                    name == file && bytes.start < range.end && range.start < bytes.end.max(bytes.start + 1)
+                })
+            };
+            let mut wrong = Vec::new();
+            for (file, mutated) in &files {
+                for (range, list) in &mutated.expressions {
+                    if is_wrong(file, range) {
+                        wrong.extend_from_slice(list);
+                    }
+                }
+            }
+            if wrong.is_empty() {
+                return Err(format!("{} does not compile: {:?}", self.package, errors.first()));
+            }
+            batch.retain(|index| !wrong.contains(index));
+        }
+    }
+
+    /// Stores the files of the crate with the mutants of a batch. Returns those with mutants, by name.
+    fn write(&self, mutants: &[Mutant], batch: &[usize]) -> Result<BTreeMap<String, Mutated>, String> {
+        let mut result = BTreeMap::new();
+        for file in source_files(&self.root, &self.package)? {
+            let path = self.root.join(&file);
+            let text = std::fs::read_to_string(path).map_err(|error| format!("{file}: {error}"))?;
+            let own: Vec<usize> =
+                batch.iter().copied().filter(|&index| mutants[index].file == file).collect();
+            let mut mutated = mutated(&text, mutants, &own);
+            if file == format!("{}/src/lib.rs", self.package) {
+                mutated.text += SWITCH;
+            }
+            store(&self.copy.join(&file), mutated.text.as_bytes())?;
+            result.insert(file, mutated);
+        }
+        Ok(result)
+    }
+
+    /// Compiles the tests of the crate. Returns their programs, or the files and bytes of the errors.
+    #[allow(clippy::type_complexity)]
+    fn compile(&self) -> Result<(Vec<Program>, Vec<(String, Range<usize>)>), String> {
+        let output = Command::new("cargo")
+            .args(["test", "--no-run", "--lib", "--tests", "--locked", "--message-format=json", "-p"])
+            .arg(&self.package)
+            .current_dir(&self.copy)
+            .env("CARGO_TARGET_DIR", self.copy.with_file_name("target"))
+            .env("RUSTFLAGS", "--cap-lints=warn")
+            .output()
+            .map_err(|error| format!("cargo: {error}"))?;
+        let (mut programs, mut errors) = (Vec::new(), Vec::new());
+        for line in String::from_utf8_lossy(&output.stdout).lines() {
+            let Ok(message) = serde_json::from_str::<serde_json::Value>(line) else { continue };
+            if let Some(program) = message["executable"].as_str() {
+                programs.push(PathBuf::from(program));
+            }
+            if message["message"]["level"] == "error" {
+                for span in message["message"]["spans"].as_array().into_iter().flatten() {
+                    let byte = |name: &str| span[name].as_u64().unwrap_or(0) as usize;
+                    let file = span["file_name"].as_str().unwrap_or_default().to_owned();
+                    errors.push((file, byte("byte_start")..byte("byte_end")));
+                }
+            }
+        }
+        if errors.is_empty() && !output.status.success() {
+            return Err(String::from_utf8_lossy(&output.stderr).into_owned());
+        }
+        Ok((programs, errors))
+    }
+}
+
+/// Stores a file, unless it has these bytes: what is not new is not compiled again.
+fn store(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    if std::fs::read(path).is_ok_and(|old| old == bytes) {
+        return Ok(());
+    }
+    let folder = path.parent().unwrap_or(path);
+    let stored = std::fs::create_dir_all(folder).and_then(|()| std::fs::write(path, bytes));
+    stored.map_err(|error| format!("{}: {error}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::sites::sites;
+    use super::{batches, mutants, mutated};
+
+    #[test]
+    fn mutants_of_a_batch_are_switched() -> Result<(), String> {
+        let text = "fn f(a: f32, slack: f32) -> bool { a < slack }";
+        let mutants = mutants("f.rs", text, &sites(text)?);
+        let batches = batches(&mutants, &[0, 1, 2]);
+        assert_eq!(batches, [vec![0], vec![1, 2]], "a margin within a comparison is in another batch");
+        let texts = batches.iter().map(|batch| mutated(text, &mutants, batch).text);
+        let on = "if crate::mutant_switch::on";
+        let expected = [
+            format!("fn f(a: f32, slack: f32) -> bool {{ ({on}(0) {{ a <= slack }} else {{ a < slack }}) }}"),
+            format!(
+                "fn f(a: f32, slack: f32) -> bool {{ a < \
+                 ({on}(1) {{ 0.0 * slack }} else {on}(2) {{ 0.5 * slack }} else {{ slack }}) }}"
+            ),
+        ];
+        assert_eq!(texts.collect::<Vec<_>>(), expected, "texts with switches");
+        Ok(())
+    }
+}
