@@ -114,8 +114,8 @@ impl FlowScratch {
         }
     }
 
-    /// Adds to `result` the cells of the goals in the set at offset `set` in the chain's sets, as seen without
-    /// proof. These cells are no goals any more.
+    /// Adds to `result` the cells of the goals in the set at offset `set` in the chain's sets: they count as
+    /// seen without proof, and are no goals any more.
     fn show_goals(&mut self, set: usize, result: &mut FlowResult) {
         for word in 0..self.words {
             while let Some(bit) = lanes(self.chain.sets[set + word] & self.goals.words()[word]).next() {

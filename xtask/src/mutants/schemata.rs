@@ -1,8 +1,7 @@
 //! Mutant schemata: all mutations of a batch compiled into one program, which an environment variable
 //! switches on one by one.
 //!
-//! This work is based on: R. H. Untch, A. J. Offutt, M. J. Harrold, "Mutation analysis using mutant schemata",
-//! ISSTA 1993.
+//! Based on: R. H. Untch, A. J. Offutt, M. J. Harrold, "Mutation analysis using mutant schemata", 1993.
 
 use super::sites::{Site, source_files};
 use std::collections::BTreeMap;
@@ -67,8 +66,8 @@ pub(crate) fn batches(mutants: &[Mutant], chosen: &[usize]) -> Vec<Vec<usize>> {
     batches
 }
 
-/// Module that each mutated crate is given: `on(k)` tells whether the mutant `k` is switched on. With `record`
-/// in place of a number, all are off, and those that are asked for are written to a file.
+/// Module that each mutated crate is given: `on(k)` tells whether the mutant `k` is switched on. With the word
+/// `record` in place of a number, all are off, and those that are asked for are written to a file.
 const SWITCH: &str = r#"
 #[allow(missing_docs, dead_code)]
 mod mutant_switch {

@@ -6,9 +6,7 @@ use crate::walkthrough::World;
 use std::sync::Arc;
 use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet, view::Eye};
 use visibility_hzb::Hzb;
-use visibility_plp::{
-    Budget, ConservativePlpCuller, DelaunayTessellation, OctreeTessellation, PlpCuller,
-};
+use visibility_plp::{Budget, ConservativePlpCuller, DelaunayTessellation, OctreeTessellation, PlpCuller};
 
 /// Budgets that are worth comparing, as percentages of all triangles.
 const SHARES: &[&str] = &["10%", "5%", "2%", "1%"];
