@@ -252,7 +252,7 @@ fn a_baked_set_knows_nothing_if_an_occluder_may_be_absent() {
     let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
     let sets = ScenePvs::new(&scene, pvs, Viewcells::new([cell]), [(scene.id_at(1).unwrap(), 0)]);
     let is_known = |sets: &ScenePvs| {
-        PvsCuller::new(sets).write_hidden(&scene, DVec3::ZERO, DVec3::ONE, &mut Bits::EMPTY)
+        PvsCuller::new(sets).write_hidden(&scene, DVec3::ZERO, DVec3::ONE, &mut Bits::new(0))
     };
     assert!(is_known(&sets), "no occluder");
     assert!(!is_known(&sets.with_occluders(&scene, [wall])), "an occluder that no view shows");

@@ -140,9 +140,9 @@ impl Prefetch {
         &self.arrivals
     }
 
-    /// Returns for how many seconds the eye of the last [search](Self::search) stays inside viewcells, at most
-    /// the seconds of the search. After that every object counts as visible, as it may do already while the
-    /// eye is within `reach` of a place outside all viewcells.
+    /// Returns for how many seconds the eye of the last [search](Self::search) stays inside viewcells, not
+    /// more than the seconds of the search. After that every object counts as visible, as it may do already
+    /// while the eye is within `reach` of a place outside all viewcells.
     pub fn covered_seconds(&self) -> f64 {
         self.covered
     }

@@ -66,8 +66,8 @@ pub(crate) fn batches(mutants: &[Mutant], chosen: &[usize]) -> Vec<Vec<usize>> {
     batches
 }
 
-/// Module that each mutated crate is given: `on(k)` tells whether the mutant `k` is switched on. With the word
-/// `record` in place of a number, all are off, and those that are asked for are written to a file.
+/// Module that each mutated crate is given: `on(k)` tells whether the mutant `k` is switched on. If the word
+/// `record` stands for the number, all are off, and those that are asked for are written to a file.
 const SWITCH: &str = r#"
 #[allow(missing_docs, dead_code)]
 mod mutant_switch {
