@@ -44,8 +44,8 @@ impl Pace {
         Self { cost_per_microsecond: if is_speed { cost_per_microsecond } else { 1.0 } }
     }
 
-    /// Returns the budget for a frame that may take `microseconds` to draw, rounded down, and at least 1. 0 if
-    /// `microseconds` is 0, negative or NaN.
+    /// Returns the budget for a frame that may take `microseconds` to draw, rounded down, and at least 1. 0
+    /// if `microseconds` is 0, negative or NaN.
     ///
     /// A budget of 1 still admits one object (see [`Budget::Cost`]). So a frame with an object in view has a
     /// cost to measure, however low the estimate of the speed has become.

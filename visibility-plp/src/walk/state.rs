@@ -264,8 +264,8 @@ pub(crate) struct Walk {
     /// For each normal bin, the eye's offset along the bin's normal and the tolerance of that offset, in the
     /// bins' offset steps: see [`NormalBins::eye_offsets`](crate::normal_bins::NormalBins::eye_offsets).
     pub(super) eye_offsets: Vec<[f64; 2]>,
-    /// Scratch list of the layer's objects that are in the visible set: object, side of its triangle on which the
-    /// eye lies, view planes crossed by its cell (one bit each).
+    /// Scratch list of the layer's objects that are in the visible set: object, side of its triangle on which
+    /// the eye lies, view planes crossed by its cell (one bit each).
     pub(super) seen: Vec<(ObjectId, EyeSide, u16)>,
     /// Scratch list of triangles to test, relative to the scene's origin, each with its object's index in
     /// `seen`.
