@@ -228,6 +228,33 @@ fn one_way_walls_part_no_witnesses() {
     assert_eq!(right.area(), 8.0, "movers pass no one-way wall");
 }
 
+/// Halls with niches, of one-way walls into which lines of sight lead from outside: the middle of a wall,
+/// rounded to a point outside, may see more of a hall than any place inside.
+#[test]
+fn guards_stand_inside_of_one_way_walls() {
+    let mut count = 0;
+    for seed in 0..150 {
+        let mut random = Random(seed);
+        let mut chain = |side: f64| -> Vec<Point> {
+            let depth = |i: i32| if i % 2 == 0 { [1.0, 6.0] } else { [0.1, 1.0] };
+            let at = |i: i32| [f64::from(i), side * random.range(depth(i)[0], depth(i)[1])];
+            (0..9).map(at).collect()
+        };
+        let (above, below) = (chain(1.0), chain(-1.0));
+        let corners: Vec<Point> = above.into_iter().chain(below.into_iter().rev()).collect();
+        let after = corners.iter().cycle().skip(1);
+        let walls = corners.iter().zip(after).map(|(&a, &b)| Wall::new(a, b).with_opacity(Opacity::OneWay));
+        let plan = Plan::from_walls(&walls.collect::<Vec<_>>(), 2.0).unwrap();
+        let region = UnseenRegion::reachable(&plan, &[[4.0, 0.0]]).unwrap();
+        let guards = Guards::new(&plan, &[[4.0, 0.0]]).unwrap();
+        for &guard in guards.positions() {
+            assert!(region.contains(&plan, guard).unwrap(), "seed {seed}: {guard:?} is outside");
+            count += 1;
+        }
+    }
+    assert!(count > 200, "{count} guards");
+}
+
 /// Makes a ring of corridors around a block: a square of 12 with a square of 4 in its middle.
 fn ring() -> Plan {
     let square = |low: f64, high: f64| {
@@ -340,5 +367,23 @@ fn other_plans_and_bad_points_are_errors() {
     let errors =
         (all.clone().spread_from(&plan, &region).is_err(), places.at(&plan, &region, [1.0, 1.0]).is_err());
     assert_eq!(errors, (true, true), "questions that take the region of other opacities");
-    assert!(places.at(&plan, &all, [1.0, 1.0]).is_ok(), "places of another region are no panic");
+    let of_other = places.at(&plan, &all, [1.0, 1.0]);
+    assert_eq!(of_other, Err(PlanError::VisibilityGraph), "places of another region");
+}
+
+/// Places are of one content of one region: later looks make them void, and a copy of the region does not.
+#[test]
+fn places_of_a_region_that_has_changed_are_an_error() {
+    let plan = ring();
+    let mut left = UnseenRegion::reachable(&plan, &[[1.0, 1.0]]).unwrap();
+    left.look(&plan, [2.0, 6.0]).unwrap();
+    let (before, places) = (left.clone(), left.hiding_places(&plan).unwrap());
+    let at = |region: &UnseenRegion| places.at(&plan, region, [6.0, 8.5]);
+    assert_eq!((at(&left), at(&before)), (Ok(Some(0)), Ok(Some(0))), "the region and a copy");
+    left.look(&plan, [10.0, 6.0]).unwrap();
+    assert_eq!(at(&left), Err(PlanError::VisibilityGraph), "after another look");
+    let mut spread = before.clone();
+    spread.spread_from(&plan, &left).unwrap();
+    assert_eq!(at(&spread), Err(PlanError::VisibilityGraph), "after a spread");
+    assert_eq!(at(&before), Ok(Some(0)), "the copy that has not changed");
 }

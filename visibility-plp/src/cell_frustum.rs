@@ -5,6 +5,7 @@
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
     Aabb, View,
+    geometry::sqrt,
     scene::Triangle,
     view::{Eye, MAX_PLANES, ViewPlane},
 };
@@ -225,7 +226,7 @@ impl CellFrustum {
             let normal = (b - a).cross(c - a) * 0.5;
             let from_center = eye - (a + b + c) / 3.0;
             let squared = from_center.length_squared();
-            let cosine_area = normal.dot(from_center).abs() / squared.sqrt();
+            let cosine_area = normal.dot(from_center).abs() / sqrt(squared);
             angle += cosine_area / squared.max(normal.length());
             bounds = bounds.union(&Aabb::from_points(*triangle));
         }

@@ -59,7 +59,7 @@ pub struct PlpCuller<S> {
 }
 
 impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
-    /// Makes a culler that keeps at most `budget` per frame of the objects in `tessellation`'s cells.
+    /// Makes a culler that keeps the [`Budget`] per frame of the objects in `tessellation`'s cells.
     /// Defaults: [`Solidity::Coverage`], back faces count as visible, objects beyond the budget are dropped.
     /// O(1).
     pub fn new(tessellation: S, budget: Budget) -> Self {
@@ -110,8 +110,9 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
     }
 
     /// Culls like [`cull`](Culler::cull), and asks `keep` before each object is kept: the object and its
-    /// priority, highest first. The frame ends when `keep` returns false or the budget is spent; the object
-    /// for which `keep` returned false is not kept.
+    /// priority, about highest first. An object in a cell that is reached later may have a higher priority.
+    /// The frame ends when `keep` returns false or the budget is spent; the object for which `keep` returned
+    /// false is not kept.
     ///
     /// With a budget of `usize::MAX` objects, `keep` alone decides. It may draw the object and look at a
     /// clock, charge the cost of a level of detail in place of the object's own, or stop at a priority. The

@@ -44,17 +44,21 @@ impl Pace {
         Self { cost_per_microsecond: if is_speed { cost_per_microsecond } else { 1.0 } }
     }
 
-    /// Returns the budget for a frame that may take `microseconds` to draw, rounded down. 0 if `microseconds`
-    /// is negative or NaN.
+    /// Returns the budget for a frame that may take `microseconds` to draw, rounded down, and at least 1. 0
+    /// if `microseconds` is 0, negative or NaN.
+    ///
+    /// A budget of 1 still admits one object (see [`Budget::Cost`]). So a frame with an object in view has a
+    /// cost to measure, however low the estimate of the speed has become.
     pub fn budget(&self, microseconds: f64) -> Budget {
-        Budget::Cost((microseconds * self.cost_per_microsecond) as u64)
+        let cost = (microseconds * self.cost_per_microsecond) as u64;
+        Budget::Cost(if microseconds > 0.0 { cost.max(1) } else { 0 })
     }
 
     /// Takes in a measured frame: the cost that was drawn, such as
     /// [`PlpCuller::spent`](crate::PlpCuller::spent), and the time that this took. A quarter of the
     /// difference to the speed so far changes the speed; a speed more than four times lower or higher counts
-    /// as four times. A frame without cost or time says nothing, as does a time that is negative or not
-    /// finite.
+    /// as four times. A frame without cost, such as one of the sky, or without time says nothing, as does a
+    /// time that is negative or not finite.
     pub fn record(&mut self, cost: u64, microseconds: f64) {
         if cost == 0 || !(microseconds > 0.0 && microseconds.is_finite()) {
             return;
@@ -115,7 +119,7 @@ mod tests {
         for speed in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert_eq!(Pace::new(speed), Pace::new(1.0), "a speed of {speed}");
         }
-        for time in [-1.0, f64::NAN] {
+        for time in [-1.0, 0.0, f64::NAN] {
             assert_eq!(pace.budget(time), Budget::Cost(0), "a time of {time}");
         }
     }

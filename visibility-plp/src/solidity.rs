@@ -102,7 +102,7 @@ pub(crate) fn priority_factor(angle: f32) -> f32 {
 /// Returns the estimated probability that a surface in view is not hidden by what stands close in front of
 /// it, 0 to 1: `openness / (openness + sqrt(distance))`. `openness` is the surface's mean free distance and
 /// `distance` the eye's distance from it, both in units of the free distance that counts as an openness of 1.
-/// An infinite distance counts as 1; NaN gives 1.
+/// A distance that is infinite or NaN counts as 1. An openness of NaN gives 1.
 ///
 /// A free distance of a metre says nothing against a surface half a metre from the eye, and much against one
 /// a hundred metres away. Openness without the distance put far roofs and slopes, which are open, before the

@@ -121,3 +121,42 @@ fn a_pace_finds_the_budget_of_a_machine() {
     assert!((198.0..=200.5).contains(&took), "{took} us of 200");
     assert!((295..=301).contains(&culler.spent()), "{} objects", culler.spent());
 }
+
+/// Objects of 12 units of cost, on a machine that draws one unit a microsecond after 100 us for each frame.
+/// A pace whose budget is below the cost of any object does not stick at an empty picture, whether the first
+/// estimate of the speed was too low or the machine has stalled for many frames.
+#[test]
+fn a_pace_below_the_cost_of_any_object_recovers() {
+    let (scene, ..) = rooms(12);
+    let cells = OctreeTessellation::from_scene(&scene, FINE);
+    let mut stalled = Pace::new(1.0);
+    (0..90).for_each(|_| stalled.record(900, 1e9));
+    for mut pace in [Pace::new(0.001), Pace::new(1e-9), stalled] {
+        assert_eq!(pace.budget(1000.0), Budget::Cost(1), "a budget below the cost of any object");
+        let mut culler = PlpCuller::new(&cells, pace.budget(1000.0));
+        let mut took = 0.0;
+        for _ in 0..90 {
+            culler.set_budget(pace.budget(1000.0));
+            run(&mut culler, &scene, &looking_along_x(1.0));
+            assert!(culler.spent() > 0, "an empty picture at {pace:?}");
+            took = 100.0 + culler.spent() as f64;
+            pace.record(culler.spent(), took);
+        }
+        assert!((980.0..=1001.0).contains(&took), "{took} us of 1000");
+    }
+}
+
+#[test]
+fn a_budget_of_cost_admits_one_object_and_no_budget_none() {
+    let (mut scene, ..) = rooms(12);
+    let cells = OctreeTessellation::from_scene(&scene, FINE);
+    let kept = |scene: &Scene, cost| {
+        let mut culler = PlpCuller::new(&cells, Budget::Cost(cost));
+        (run(&mut culler, scene, &looking_along_x(1.0)).len(), culler.spent())
+    };
+    let counts = [0, 1, 11, 12, 23, 24].map(|cost| kept(&scene, cost));
+    assert_eq!(counts, [(0, 0), (1, 12), (1, 12), (1, 12), (1, 12), (2, 24)], "objects and their cost");
+    // An object in no cell takes from the budget first, and is then the one that is admitted.
+    scene.insert(Object { cost: 9, ..Object::new(Aabb::from_arrays([1.0; 3], [2.0; 3])) });
+    assert_eq!([10, 21].map(|cost| kept(&scene, cost)), [(1, 9), (2, 21)], "with an object in no cell");
+}

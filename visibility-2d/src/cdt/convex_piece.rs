@@ -16,12 +16,15 @@ pub(super) struct ConvexPiece {
     /// Lines along the sides, counter-clockwise, the polygon on the left of each. Each turns left from the
     /// one before.
     lines: Vec<Line>,
+    /// Least and greatest coordinates of the triangle. Rounded corners are kept in this rectangle.
+    bounds: [Point; 2],
 }
 
 impl ConvexPiece {
     /// Makes a triangle, whose corners turn left.
     pub(super) fn triangle([a, b, c]: [Point; 3]) -> Self {
-        Self { lines: alloc::vec![Line(a, b), Line(b, c), Line(c, a)] }
+        let bounds = [f64::min, f64::max].map(|f| [0, 1].map(|axis| f(f(a[axis], b[axis]), c[axis])));
+        Self { lines: alloc::vec![Line(a, b), Line(b, c), Line(c, a)], bounds }
     }
 
     /// Returns the lines before, along and after each side.
@@ -48,7 +51,7 @@ impl ConvexPiece {
         let kept = (0..count).take_while(|i| signs[(first + i) % count] > 0).count();
         let mut lines: Vec<_> = (0..=kept).map(|i| self.lines[(first + i) % count]).collect();
         lines.push(line);
-        Some(Self { lines })
+        Some(Self { lines, bounds: self.bounds })
     }
 
     /// Returns the part inside a wedge. `None` if that has no area.
@@ -93,9 +96,14 @@ impl ConvexPiece {
     }
 
     /// Returns the corners, counter-clockwise. Those where lines through a common given point meet are exact,
-    /// the others are rounded.
+    /// the others are rounded. All are in the rectangle around the triangle.
     pub(super) fn corners(&self) -> impl Iterator<Item = Point> + '_ {
-        self.sides().map(|[_, side, after]| side.crossing(after))
+        let [low, high] = self.bounds;
+        self.sides().map(move |[_, side, after]| {
+            let crossing = side.crossing(after);
+            // `max` takes the bound for NaN.
+            [0, 1].map(|axis| crossing[axis].max(low[axis]).min(high[axis]))
+        })
     }
 
     /// Returns the mean of the corners, rounded.
@@ -113,5 +121,27 @@ impl ConvexPiece {
             .map(|(a, b)| super::predicates::area(first, a, b))
             .sum();
         (0.5 * twice).max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lines that are parallel or nearly so have no crossing or one far off. Corners stay in the rectangle.
+    #[test]
+    fn corners_stay_around_the_triangle() {
+        let triangle = ConvexPiece::triangle([[0.0, 0.0], [4.0, 0.0], [0.0, 2.0]]);
+        let flat =
+            [Line([0.0, 1.0], [4.0, 1.0]), Line([1.0, 0.0], [3.0, 0.0]), Line([0.0, 1.0], [5.0, 1e-9])];
+        for lines in
+            [[flat[0], flat[1]], [flat[1], flat[0]], [flat[1], flat[2]], [flat[0], flat[0].reversed()]]
+        {
+            let piece = ConvexPiece { lines: lines.to_vec(), ..triangle.clone() };
+            for [x, y] in piece.corners() {
+                assert!((0.0..=4.0).contains(&x) && (0.0..=2.0).contains(&y), "({x}, {y}) of {lines:?}");
+            }
+            assert!(piece.area().is_finite(), "area {} of {lines:?}", piece.area());
+        }
     }
 }

@@ -31,7 +31,7 @@ pub enum PlanError {
     /// The objects belong to another plan, or no object has the given number.
     Objects,
     /// A visibility graph or an unseen region belongs to another plan, or a wall's opacity has changed since
-    /// it was made.
+    /// it was made. Or hiding places belong to another region, or the region has changed since.
     VisibilityGraph,
     /// A region or an object has no point, or a point outside the rectangle around the plan.
     Region,
@@ -59,7 +59,7 @@ impl fmt::Display for PlanError {
             }
             Self::Objects => write!(f, "the objects are of another plan, or none has that number"),
             Self::VisibilityGraph => {
-                write!(f, "the graph or region is of another plan, or of other opacities")
+                write!(f, "the graph, region or places are of another plan or region, or out of date")
             }
             Self::Region => {
                 write!(f, "the region or object is empty, or not inside the rectangle around the plan")

@@ -56,7 +56,10 @@ impl Guards {
     /// units. Guards stand in the region and on no wall. Walls count with their present opacities.
     ///
     /// Takes time in proportion to the triangles that all places for guards and witnesses see together:
-    /// `n s` for `n` triangles in the region that see `s` triangles each, quadratic where all see all.
+    /// `n s` for `n` triangles in the region that see `s` triangles each, quadratic where all see all. Two
+    /// terms come on top. What a place sees is found again when a chosen guard may have taken a part of it,
+    /// at most once for each guard: `n s g` for `g` guards at worst. And in each triangle, what a possible
+    /// witness sees is compared with what each chosen one sees.
     ///
     /// # Errors
     /// Those of [`UnseenRegion::reachable`].
@@ -146,10 +149,16 @@ fn cover(plan: &Plan, mut left: UnseenRegion) -> (Vec<(Point, SeenCones)>, Unsee
     for &t in &triangles {
         let middle = weighted(corners(plan, t), [1.0 / 3.0; 3]);
         let edges = (3 * t..3 * t + 3)
-            .filter(|&h| plan.edges[h as usize].twin().is_some_and(|twin| h < twin))
+            .filter(|&h| plan.edges[h as usize].twin().is_some_and(|twin| h < twin) && !plan.is_solid(h))
             .map(|h| plan.ends(h))
             .map(|[a, b]| [0, 1].map(|axis| 0.5 * a[axis] + 0.5 * b[axis]));
         for (point, place) in core::iter::once(middle).chain(edges).filter_map(|p| standing(plan, p)) {
+            // Rounding may have moved the point out of the region.
+            let (Place::Triangle(at) | Place::Edge(at) | Place::Vertex(at)) = place else { continue };
+            let at = if matches!(place, Place::Triangle(_)) { at } else { at / 3 };
+            if left.pieces[at as usize].is_empty() {
+                continue;
+            }
             seen.look(plan, point, place, false);
             queue.push(Candidate { gain: left.gain(&seen), point, place });
         }

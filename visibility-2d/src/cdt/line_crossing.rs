@@ -8,7 +8,7 @@
 //! This work is based on: Jonathan Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
 //! Geometric Predicates", 1997 (sums that do not overlap; a filter before the exact sum).
 
-use super::predicates::{Point, exact_product, orient, sum};
+use super::predicates::{Point, area, cross, exact_product, orient, sum};
 use alloc::vec::Vec;
 
 /// Directed line through two different points of the plan.
@@ -94,13 +94,13 @@ impl Line {
         (a, b, c)
     }
 
-    /// Returns the rounded crossing of two lines that are not parallel; exact if a given point is common.
+    /// Returns the rounded crossing of two lines that are not parallel; exact if a given point is common. Not
+    /// finite if the lines are parallel, or may be if they are so up to an angle of 2^-105.
     pub(super) fn crossing(self, other: Self) -> Point {
         if let Some(point) = self.common_point(other) {
             return point;
         }
-        let (from, to) = (other.side(self.0), other.side(self.1));
-        let share = from / (from - to);
+        let share = area(other.0, other.1, self.0) / cross([self.0, self.1], [other.0, other.1]);
         [0, 1].map(|axis| self.0[axis] + share * (self.1[axis] - self.0[axis]))
     }
 }
@@ -154,6 +154,22 @@ mod tests {
             [y - v, u - x, x * v - u * y]
         });
         (g * (b * f - e * c) + h * (c * d - f * a) + i * (a * e - d * b)).signum() as i8
+    }
+
+    /// Lines of very short or nearly parallel pairs of points, and their crossings by hand.
+    #[test]
+    fn crossings_of_short_and_flat_lines_are_precise() {
+        for length in [1e-14, 1e-16, 1e-39] {
+            let (short, long) = (Line([0.0; 2], [length, 0.0]), Line([0.0, -1.0], [10.0, 0.1]));
+            for crossing in [short.crossing(long), short.reversed().crossing(long), long.crossing(short)] {
+                let error = (crossing[0] - 10.0 / 1.1).abs().max(crossing[1].abs());
+                assert!(error < 1e-14, "{crossing:?} at a length of {length}");
+            }
+        }
+        // The second line rises by 2^-50 over a length of 8.
+        let step = f64::EPSILON;
+        let flat = Line([0.0, 1.0], [4.0, 1.0]).crossing(Line([0.0, 1.0 - step], [8.0, 1.0 + 3.0 * step]));
+        assert_eq!(flat, [2.0, 1.0], "crossing of nearly parallel lines");
     }
 
     #[test]

@@ -54,8 +54,14 @@ pub(crate) fn orient_slow(a: Point, b: Point, c: Point) -> f64 {
 /// Technique for Extending the Available Precision", 1971. Only terms below 2^-105 of the two products are
 /// left out.
 pub(crate) fn area(a: Point, b: Point, c: Point) -> f64 {
-    let left = product(sum(a[0], -c[0]), sum(b[1], -c[1]));
-    let right = product(sum(a[1], -c[1]), sum(b[0], -c[0]));
+    cross([c, a], [c, b])
+}
+
+/// Returns the cross product of the vectors from `a` to `b` and from `c` to `d`, with 106 bits of precision
+/// relative to its two products: positive if the second vector turns left from the first.
+pub(super) fn cross([a, b]: [Point; 2], [c, d]: [Point; 2]) -> f64 {
+    let left = product(sum(b[0], -a[0]), sum(d[1], -c[1]));
+    let right = product(sum(b[1], -a[1]), sum(d[0], -c[0]));
     let (high, low) = sum(left.0, -right.0);
     high + (low + (left.1 - right.1))
 }

@@ -85,8 +85,7 @@ impl VisibilityGraph {
         if places.contains(&Place::Outside) {
             return Err(PlanError::Region);
         }
-        // One-way walls stop paths both ways.
-        if plan.sees(from, to)? && plan.sees(to, from)? {
+        if plan.is_straight_path(from, to) {
             path.points.push(from);
             if from != to {
                 path.points.push(to);

@@ -71,7 +71,15 @@ impl Plan {
     /// 1e60 in absolute value.
     pub fn sees(&self, a: impl Into<[f64; 2]>, b: impl Into<[f64; 2]>) -> Result<bool, PlanError> {
         let (a, b) = (checked(a.into(), 0)?, checked(b.into(), 1)?);
-        Ok(a == b || Walk { plan: self, a, b, is_ray: false, heights: None }.run() == Stop::Reached)
+        let walk = Walk { plan: self, a, b, is_ray: false, both_ways: false, heights: None };
+        Ok(a == b || walk.run() == Stop::Reached)
+    }
+
+    /// Returns whether a straight path leads from `a` to `b`: as [`sees`](Self::sees), but one-way walls stop
+    /// paths from both sides. Both points must be [`checked`].
+    pub(super) fn is_straight_path(&self, a: Point, b: Point) -> bool {
+        let walk = Walk { plan: self, a, b, is_ray: false, both_ways: true, heights: None };
+        a == b || walk.run() == Stop::Reached
     }
 
     /// Returns whether two points with heights see each other. Like [`sees`](Self::sees), but a line of sight
@@ -101,7 +109,7 @@ impl Plan {
         if !(of_a.abs().max(of_b.abs()) <= MAX_MAGNITUDE && !of_a.is_nan() && !of_b.is_nan()) {
             return Err(PlanError::Heights);
         }
-        let walk = Walk { plan: self, a, b, is_ray: false, heights: Some([of_a, of_b]) };
+        let walk = Walk { plan: self, a, b, is_ray: false, both_ways: false, heights: Some([of_a, of_b]) };
         Ok(a == b || walk.run() == Stop::Reached)
     }
 
@@ -122,7 +130,7 @@ impl Plan {
         if a == b {
             return Ok(None);
         }
-        let walk = Walk { plan: self, a, b, is_ray: true, heights: None };
+        let walk = Walk { plan: self, a, b, is_ray: true, both_ways: false, heights: None };
         Ok(match walk.run() {
             Stop::Reached => None,
             Stop::Edge(h) => {
@@ -160,6 +168,8 @@ struct Walk<'a> {
     b: Point,
     /// True for a ray, which does not end at `b`; false for the segment.
     is_ray: bool,
+    /// True if one-way walls stop the walk from both sides, false if from their right side alone.
+    both_ways: bool,
     /// Heights at `a` and `b`. With `None`, walls stop the walk at any height.
     heights: Option<[f64; 2]>,
 }
@@ -207,7 +217,9 @@ impl Walk<'_> {
     /// Returns whether a wall along half-edge `h` stops the walk on its way out of the triangle of `h`.
     /// Without `end`, the walk crosses `h` between its ends. With `end`, the walk passes that end of `h`.
     fn is_stopped(&self, h: u32, end: Option<Point>) -> bool {
-        if self.plan.edges[h as usize].twin & BLOCKS == 0 {
+        let blocks =
+            self.plan.edges[h as usize].twin & BLOCKS != 0 || self.both_ways && self.plan.is_solid(h);
+        if !blocks {
             return false;
         }
         let Some([of_a, of_b]) = self.heights else { return true };

@@ -82,6 +82,8 @@ impl SeenCones {
 pub struct UnseenRegion {
     /// Stamp of the plan's walls and opacities.
     of: Stamp,
+    /// Stamp of `pieces`, renewed when pieces are removed.
+    content: Stamp,
     /// For each triangle of the plan, the pieces not seen. They do not overlap.
     pub(super) pieces: Vec<Vec<ConvexPiece>>,
     scratch: SeenCones,
@@ -125,7 +127,7 @@ impl UnseenRegion {
                     .extend(plan.edges[h as usize].twin().filter(|_| !plan.is_solid(h)).map(|twin| twin / 3));
             }
         }
-        Ok(Self { of: plan.stamp(), pieces, scratch: SeenCones::default() })
+        Ok(Self { of: plan.stamp(), content: Stamp::new(), pieces, scratch: SeenCones::default() })
     }
 
     /// Removes what an eye sees, in world units. An eye on a wall sees both sides of it. Takes time in
@@ -153,6 +155,7 @@ impl UnseenRegion {
     }
 
     pub(super) fn remove(&mut self, seen: &SeenCones) {
+        self.content = Stamp::new();
         for &triangle in &seen.whole {
             self.pieces[triangle as usize].clear();
         }
@@ -266,8 +269,8 @@ impl UnseenRegion {
             }
         }
         let mut number = alloc::vec![NONE; count as usize];
-        let mut places =
-            HidingPlaces { place_of: Vec::with_capacity(count as usize), first_piece, areas: Vec::new() };
+        let place_of = Vec::with_capacity(count as usize);
+        let mut places = HidingPlaces { of: self.content, place_of, first_piece, areas: Vec::new() };
         for (index, piece) in (0..).zip(self.pieces.iter().flatten()) {
             let root = root(index, None) as usize;
             if number[root] == NONE {
@@ -302,6 +305,7 @@ impl UnseenRegion {
                 *is_kept = *is_kept || others.iter().any(|other| piece.overlaps(other));
             }
         }
+        self.content = Stamp::new();
         let mut numbers = places.place_of.iter();
         for pieces in &mut self.pieces {
             pieces.retain(|_| numbers.next().is_some_and(|&place| is_kept[place as usize]));
@@ -317,9 +321,12 @@ fn share_a_part([before, _, after]: [Line; 3], [other_before, along, other_after
     before.side_of_crossing(other_before, along) > 0 && after.side_of_crossing(along, other_after) > 0
 }
 
-/// Hiding places of an [`UnseenRegion`], numbered from 0.
+/// Hiding places of an [`UnseenRegion`], numbered from 0. They belong to the region as it was when they were
+/// found: find them anew after [`look`](UnseenRegion::look) and [`spread_from`](UnseenRegion::spread_from).
 #[derive(Clone, Debug)]
 pub struct HidingPlaces {
+    /// Stamp of the pieces of the region.
+    of: Stamp,
     /// For each piece of the region, the number of its place.
     place_of: Vec<u32>,
     /// For each triangle of the plan, the number of its first piece. One more entry is the number of pieces.
@@ -351,16 +358,21 @@ impl HidingPlaces {
     }
 
     /// Returns the number of a place that has a point, in world units, inside or on its boundary; the least
-    /// if several meet there. `None` if the point is seen. `region` is the one whose places these are.
+    /// if several meet there. `None` if the point is seen. `region` is the one whose places these are, or an
+    /// unchanged copy.
     ///
     /// # Errors
-    /// Those of [`UnseenRegion::contains`].
+    /// Those of [`UnseenRegion::contains`], and [`PlanError::VisibilityGraph`] if these are the places of
+    /// another region, or if the region has changed since.
     pub fn at(
         &self,
         plan: &Plan,
         region: &UnseenRegion,
         point: impl Into<[f64; 2]>,
     ) -> Result<Option<u32>, PlanError> {
+        if self.of != region.content {
+            return Err(PlanError::VisibilityGraph);
+        }
         let pieces = region.pieces_at(plan, point.into())?;
         let number = |&(t, index): &(u32, usize)| {
             self.place_of.get(*self.first_piece.get(t as usize)? as usize + index).copied()

@@ -64,7 +64,7 @@ pub struct VisibilityGraph {
     first_leg: Vec<u32>,
     /// Other end of each leg, an index into `corners`. Each leg is listed at both of its ends.
     legs: Vec<u32>,
-    /// For each vertex, one bit: whether a wall that stops paths ends there or runs through.
+    /// For each vertex, whether a wall that stops paths ends there or runs through.
     solid: Vec<bool>,
 }
 

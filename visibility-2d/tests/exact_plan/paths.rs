@@ -5,17 +5,23 @@ use super::{UNIT, grid_walls, plan_of};
 use visibility_2d::cdt::{Opacity, Plan, PlanError, ShortestPath, VisibilityGraph, Wall};
 use visibility_testing::Random;
 
-fn compare(seeds: std::ops::Range<u64>, most: usize) {
+/// Compares the paths of plans, each made of a seed and the greatest number of walls.
+fn compare(plans: impl Iterator<Item = (u64, usize)>) {
     let mut path = ShortestPath::new();
     let (mut bent, mut straight, mut none) = (0, 0, 0);
-    for seed in seeds {
+    for (seed, most) in plans {
         let mut random = Random(seed);
         // Every fourth plan is small and full of walls, so that many parts of it are closed.
         let is_dense = seed % 4 == 0;
         let size = if is_dense { 3 } else { random.between(2, 7) };
         let count = if is_dense { 2 * most } else { random.below(most) };
         let walls = grid_walls(&mut random, count, size);
-        let plan = plan_of(&walls);
+        let mut plan = plan_of(&walls);
+        // In two plans of three, most walls are one-way. They stop paths as opaque ones do.
+        for wall in 0..if seed % 3 == 0 { 0 } else { walls.len() as u32 } {
+            plan.set_opacity(wall, random.pick(&[Opacity::OneWay, Opacity::OneWay, Opacity::Opaque]))
+                .unwrap();
+        }
         let [low, high] = plan.bounds().map(|corner| corner.map(|x| (x * UNIT) as i32));
         let graph = VisibilityGraph::new(&plan).unwrap();
         let units: Vec<_> =
@@ -53,13 +59,14 @@ fn compare(seeds: std::ops::Range<u64>, most: usize) {
 
 #[test]
 fn paths_are_as_short_as_brute_force_says() {
-    compare(0..250, 16);
+    // In the last plan, one-way walls that touch bar the straight path.
+    compare((0..250).map(|seed| (seed, 16)).chain([(2869, 30)]));
 }
 
 #[test]
 #[ignore = "long form: 20 times as many, up to twice the walls"]
 fn paths_are_as_short_as_brute_force_says_at_length() {
-    compare(250..5250, 30);
+    compare((250..5250).map(|seed| (seed, 30)));
 }
 
 #[test]
@@ -93,6 +100,22 @@ fn a_door_opens_the_way() {
     let mut of_post: Vec<_> = legs(post).collect();
     of_post.sort_by(|a, b| a[1].total_cmp(&b[1]));
     assert_eq!(of_post[..2], [[4.0, 1.5], [4.0, 4.0]], "legs of a post");
+}
+
+/// Two one-way walls end in the origin. Lines of sight pass the origin on one side in one direction, and on
+/// the other side in the other. A path passes neither wall, and leads around an end.
+#[test]
+fn one_way_walls_that_touch_are_a_barrier() {
+    let ends = [[0.0, 1.0], [0.0, -1.0]];
+    let walls = ends.map(|end| Wall::new([0.0, 0.0], end).with_opacity(Opacity::OneWay));
+    let plan = Plan::new(&walls).unwrap();
+    let graph = VisibilityGraph::new(&plan).unwrap();
+    let mut path = ShortestPath::new();
+    for (from, to) in [([-1.0, 0.0], [1.0, 0.0]), ([1.0, 0.0], [-1.0, 0.0])] {
+        graph.find_path(&plan, from, to, &mut path).unwrap();
+        let length = path.length().unwrap();
+        assert!((length - 8f64.sqrt()).abs() < 1e-12, "{length} from {from:?}: {path:?}");
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Projection of a cell's layers: looks up each object once, and gives it a priority of its own. An object is
 //! looked up if the visible set contains it and no test proves it outside of the view or facing away.
 
-use super::state::{Candidate, FrameContext, Keep, MAX_TESTED_TRIANGLES, Projected, Walk};
+use super::state::{FrameContext, Keep, LayerObject, MAX_TESTED_TRIANGLES, Projected, Walk};
 use crate::normal_bins::EyeSide;
 use crate::solidity::{Solidity, free_share, priority_factor};
 use crate::tessellation::Tessellation;
@@ -10,20 +10,20 @@ use visibility_core::glam::DVec3;
 use visibility_core::view::Eye;
 
 impl Walk {
-    /// Looks up the pending candidates: pushes each object that is in the visible set and not proven outside
-    /// of the view or facing away to `ready`, with its priority. Clears the candidates. `chance` is the
-    /// estimated probability that view rays reach the candidates' cell, and `area` the mean area of their
-    /// layer in square metres.
-    fn check_candidates<T: Tessellation + ?Sized>(
+    /// Looks up the first `count` of `layer_objects`: pushes each object that is in the visible set and not
+    /// proven outside of the view or facing away to `ready`, with its priority. `chance` is the estimated
+    /// probability that view rays reach the objects' cell, and `area` the mean area of their layer in square
+    /// metres.
+    fn look_up<T: Tessellation + ?Sized>(
         &mut self,
         frame: &FrameContext<'_, T>,
+        count: usize,
         chance: f32,
         area: f32,
     ) {
-        let candidates = self.candidates[..self.candidate_count].iter();
-        self.candidate_count = 0;
+        let objects = self.layer_objects.iter().take(count);
         self.seen.clear();
-        self.seen.extend(candidates.filter_map(|&Candidate { index, eye_side, crossed }| {
+        self.seen.extend(objects.filter_map(|&LayerObject { index, eye_side, crossed }| {
             frame.scene.id_at(index as usize).map(|id| (id, eye_side, crossed))
         }));
         let mut count = 0;
@@ -90,16 +90,15 @@ impl Walk {
         let box_from_eye = frame.box_from_eye(&frame.tessellation.cell_bounds(cell));
         let mut count = 0;
         for index in layer {
-            let Some(candidate) = self.candidates.get_mut(count) else { continue };
+            let Some(object) = self.layer_objects.get_mut(count) else { continue };
             let is_new = self.taken.insert(index as usize);
             let eye_side = box_from_eye.as_ref().map_or(EyeSide::Front, |cell| {
                 content.normals.eye_side(index as usize, cell, &self.eye_offsets)
             });
-            *candidate = Candidate { index, eye_side, crossed };
+            *object = LayerObject { index, eye_side, crossed };
             count += usize::from(is_new & (eye_side != EyeSide::Back));
         }
-        self.candidate_count = count;
-        self.check_candidates(frame, chance, area);
+        self.look_up(frame, count, chance, area);
         if !self.sides[side as usize].advance(layers) {
             let state = &mut self.cells[cell as usize];
             state.end_side -= 1;
@@ -109,7 +108,8 @@ impl Walk {
 
     /// Moves objects from `ready` to `order`, highest priority first, down to the priority `bound`, and
     /// charges the budget. Stops at the first object whose cost exceeds the remaining budget or for which
-    /// `keep` returns false, and returns [`Projected::OutOfBudget`].
+    /// `keep` returns false, and returns [`Projected::OutOfBudget`]. A budget above 0 of which nothing is
+    /// spent admits one object of any cost.
     pub(crate) fn emit<T: ?Sized>(
         &mut self,
         frame: &FrameContext<'_, T>,
@@ -118,10 +118,11 @@ impl Walk {
     ) -> Projected {
         while let Some((id, priority)) = self.ready.peek(bound) {
             let cost = frame.cost(id);
-            if cost > self.budget_left || !keep(id, priority) {
+            let is_unspent = self.budget_left > 0 && self.budget_left == frame.settings.budget.amount();
+            if cost > self.budget_left && !is_unspent || !keep(id, priority) {
                 return Projected::OutOfBudget;
             }
-            self.budget_left -= cost;
+            self.budget_left = self.budget_left.saturating_sub(cost);
             self.order.push(id);
             self.ready.pop();
         }

@@ -22,8 +22,20 @@ pub enum Budget {
     /// Maximum number of objects; 0 keeps only objects that are in no cell.
     Objects(usize),
     /// Maximum sum of the objects' [costs](visibility_core::Object::cost), usually triangle counts. The frame
-    /// ends at the first object whose cost exceeds the remaining budget, even if later objects would fit.
+    /// ends at the first object whose cost exceeds the remaining budget, even if later objects would fit. Of
+    /// a budget above 0 of which nothing is spent yet, one object is kept whatever its cost: otherwise an
+    /// object too expensive for the whole budget would leave the picture empty.
     Cost(u64),
+}
+
+impl Budget {
+    /// Returns the number of objects, or the sum of costs.
+    pub(super) fn amount(self) -> u64 {
+        match self {
+            Self::Objects(count) => count as u64,
+            Self::Cost(cost) => cost,
+        }
+    }
 }
 
 /// Settings that `PlpCuller` and `ConservativePlpCuller` have in common.
@@ -179,7 +191,8 @@ pub(super) struct RemainingLayers {
     /// parallel views.
     pub(super) solid_angle_per_area: f32,
     /// Distance in metres from the eye to the cell's box, divided by the free distance that counts as an
-    /// openness of 1. 1 for parallel views.
+    /// openness of 1. Infinite or NaN for parallel views, which [`free_share`](crate::solidity::free_share)
+    /// counts as 1.
     pub(super) distance: f32,
     /// Start of the remaining layers, in bytes before the end of the cell's list.
     pub(super) from: u32,
@@ -190,9 +203,9 @@ pub(super) struct RemainingLayers {
     pub(super) side: u8,
 }
 
-/// Object of a projected cell, waiting to be checked against the visible set and the budget.
+/// Object of a layer that is being projected, not yet looked up in the visible set.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Candidate {
+pub(super) struct LayerObject {
     /// Index of the object in the scene.
     pub(super) index: u32,
     /// Side of the object's triangle on which the eye lies; `Front` if back faces are not culled.
@@ -201,8 +214,8 @@ pub(super) struct Candidate {
     pub(super) crossed: u16,
 }
 
-impl Candidate {
-    /// Filler of the unused end of the candidate buffer.
+impl LayerObject {
+    /// Filler of the unused end of `Walk::layer_objects`.
     pub(super) const NONE: Self = Self { index: 0, eye_side: EyeSide::Unknown, crossed: 0 };
 }
 
@@ -228,9 +241,9 @@ pub(crate) struct Walk {
     /// Front of the projection: priority queue of the cells to project next, least solidity (likelihood of
     /// being hidden) first.
     pub(super) front: Front,
-    /// One bit for each object index, set once the object has been checked or awaits a check in this frame.
+    /// One bit for each object index, set once this frame has looked the object up.
     pub(super) taken: Bits,
-    /// Ids of the objects kept so far in this frame, highest priority first.
+    /// Ids of the objects kept so far in this frame, about highest priority first.
     pub(crate) order: Vec<ObjectId>,
     /// Objects that were looked up and not kept yet.
     pub(crate) ready: Ready,
@@ -245,16 +258,14 @@ pub(crate) struct Walk {
     /// Axis sides with objects left to project, of all cells whose lists were looked up in this frame;
     /// consecutive for each cell.
     pub(super) sides: Vec<RemainingLayers>,
-    /// Objects of projected cells that await a check against the visible set and the budget; only the first
-    /// `candidate_count` are valid.
-    pub(super) candidates: Vec<Candidate>,
-    /// Number of valid entries of `candidates`.
-    pub(super) candidate_count: usize,
+    /// Scratch list of the objects of the layer that is being projected. As long as the longest list of a
+    /// cell; the layer's objects are at its start.
+    pub(super) layer_objects: Vec<LayerObject>,
     /// For each normal bin, the eye's offset along the bin's normal and the tolerance of that offset, in the
     /// bins' offset steps: see [`NormalBins::eye_offsets`](crate::normal_bins::NormalBins::eye_offsets).
     pub(super) eye_offsets: Vec<[f64; 2]>,
-    /// Scratch list of the candidates that are in the visible set: object, side of its triangle on which the
-    /// eye lies, view planes crossed by its cell (one bit each).
+    /// Scratch list of the layer's objects that are in the visible set: object, side of its triangle on which
+    /// the eye lies, view planes crossed by its cell (one bit each).
     pub(super) seen: Vec<(ObjectId, EyeSide, u16)>,
     /// Scratch list of triangles to test, relative to the scene's origin, each with its object's index in
     /// `seen`.
@@ -279,14 +290,12 @@ impl Walk {
         self.front.clear();
         self.sides.clear();
         self.order.clear();
-        self.candidates.clear();
-        self.candidates.resize(content.max_count() as usize + 1, Candidate::NONE);
+        self.layer_objects.clear();
+        self.layer_objects.resize(content.max_count() as usize, LayerObject::NONE);
         self.ready.clear(frame.scene.len());
-        self.candidate_count = 0;
         (self.reached, self.projected) = (0, 0);
         self.taken.reset(frame.scene.index_limit().max(content.index_limit()));
-        // Largest number of candidates that one cell can have, rounded up to whole batches.
-        let at_once = self.candidates.len();
+        let at_once = self.layer_objects.len();
         make_room(&mut self.seen, at_once);
         make_room(&mut self.tested, at_once * MAX_TESTED_TRIANGLES);
         make_room(&mut self.order, frame.scene.len());

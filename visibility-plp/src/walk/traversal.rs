@@ -1,7 +1,7 @@
 //! The rendering loop of figure 4 of Klosowski and Silva, 2000: cells are visited from the eye outwards. The
 //! next cell is always the one with the least solidity in the front, the queue of cells to project.
 
-use super::state::{Budget, CellState, FrameContext, Keep, Projected, UNOPENED, Walk};
+use super::state::{CellState, FrameContext, Keep, Projected, UNOPENED, Walk};
 use crate::cell_frustum::CellPlace;
 use crate::solidity::{
     Solidity, SourceCell, count_solidity, entering_share, solid_angle_per_area, stopped_share,
@@ -27,10 +27,7 @@ impl Walk {
             let bounds = frame.tessellation.bounds();
             content.normals.eye_offsets(frame.frustum.eye, &bounds, &mut self.eye_offsets);
         }
-        self.budget_left = match frame.settings.budget {
-            Budget::Objects(count) => count as u64,
-            Budget::Cost(cost) => cost,
-        };
+        self.budget_left = frame.settings.budget.amount();
         let Changes::Objects(changed) = content.changes(frame.scene) else { return false };
         for &id in content.strays().iter().chain(changed) {
             if frame.scene.contains(id) && !self.taken.contains(id.index()) {
