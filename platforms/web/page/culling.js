@@ -7,9 +7,7 @@ import { fillScene, makeBuilding } from "./scene.js";
 import { pause } from "./load.js";
 
 /**
-
  * A mesh with more triangles hides nothing: to draw it into the z-buffer would take longer than it saves.
-
  */
 const MOST_OCCLUDER_TRIANGLES = 1 << 14;
 /** Microseconds of work that sets ahead of the eye get each frame. */
@@ -19,9 +17,7 @@ const AHEAD_SECONDS = [0, 0.1, 0.2, 0.4, 0.8];
 const SLICE_MS = 20;
 
 /**
-
  * The cullers on offer, in the order of the pipeline: what a person reads, and the key that switches each.
-
  */
 export const STAGES = [
   { name: "frustum", title: "Outside the view" },
@@ -67,11 +63,8 @@ export class Culling {
   }
 
   /**
-
    * Takes a model of a file. All its objects are there when this returns; `makeOccluders` adds what hides
-
    * them.
-
    */
   static ofModel(visibility, model) {
     const culling = new Culling(visibility);
@@ -181,9 +174,7 @@ export class Culling {
   }
 
   /**
-
    * Culls for a camera: `eye`, `target`, `up`, `fovY`, `aspect`, `near`. `velocity` is in metres per second.
-
    */
   cull(camera, velocity = [0, 0, 0]) {
     const { eye, target, up, fovY, aspect, near } = camera;

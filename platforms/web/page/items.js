@@ -50,11 +50,8 @@ function asFloats(attribute, itemSize, fill) {
 }
 
 /**
-
  * A geometry with the attributes that its batch has, an index, and faces that a mirrored matrix keeps
-
  * outwards.
-
  */
 function prepared(source, names, isMirrored) {
   const geometry = new BufferGeometry();
@@ -198,11 +195,8 @@ export class Model {
 }
 
 /**
-
  * Makes items of a scene graph. `progress` gets a line of text. Throws a `ModelError` if there are no
-
  * triangles.
-
  */
 export async function makeModel(root, progress) {
   // Around the origin, where single precision is finest, and on the ground.
@@ -331,11 +325,8 @@ async function slice(made) {
 }
 
 /**
-
  * Makes a model of one material from triangles: 9 numbers each, `counts` per item, with colours of its
-
  * vertices.
-
  */
 export function modelOfTriangles({ counts, triangles, colors, material }) {
   const model = new Model();

@@ -150,11 +150,8 @@ export class Judge {
   }
 
   /**
-
    * The item that shows in a pixel, by its place from 0 to 1 from left and top, of all or of those of
-
    * `bits`; or -1.
-
    */
   pick(picture, eye, [x, y], bits) {
     picture.show(bits ?? new Uint32Array(picture.shown.length).fill(0xffffffff));
