@@ -34,7 +34,8 @@ const VERTEX = `
   void main() {
     #include <batching_vertex>
     item = firstItem + getIndirectIndex(gl_DrawID);
-    gl_Position = projectionMatrix * viewMatrix * modelMatrix * batchingMatrix * vec4(position, 1.0);
+    // In the order of the shaders of three.js, so that it rounds as they do.
+    gl_Position = projectionMatrix * (modelViewMatrix * (batchingMatrix * vec4(position, 1.0)));
   }`;
 
 const FRAGMENTS = {
