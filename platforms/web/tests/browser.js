@@ -2,7 +2,7 @@
 // visible objects is not the native one, a visible object is hidden, or the page reports an error.
 //
 // Usage: node browser.js FILE FOLDER [PART], with the output of `native answers` and a folder for pictures;
-// PART is one of the functions below. Ends with status 77 where a browser is missing.
+// PART is one of the functions below. Ends with status 77 where a browser is missing or does not start.
 
 import assert from "node:assert/strict";
 import { mkdir, readFile, writeFile } from "node:fs/promises";
