@@ -65,26 +65,40 @@ class Entry {
     /** Its layers while it is hidden. */
     this.hidden = null;
     this.ids = NO_IDS;
-    /** What there is more of an `InstancedMesh` or a `BatchedMesh`. */
+    /** Instances of an `InstancedMesh` or a `BatchedMesh`: a `Many`. Null for other meshes. */
     this.many = null;
   }
 }
 
-/** What there is more of a mesh with instances. */
+/** The instances of a mesh: their places in the library, and the order in which renderers draw them. */
 class Many {
+  /** By renderer that has drawn an `InstancedMesh` in part: its instances, those visible first. */
+  #orders = new WeakMap();
+  /** Weak references to the same orders: these do not keep a renderer that is not used any more. */
+  #known = new Set();
+
   constructor(count) {
     this.count = count;
     /** For a `BatchedMesh`: part of its geometry, shape and layers of each instance. */
     this.parts = this.shapes = this.layers = null;
     /** Indices of the instances in the library. */
     this.indices = null;
-    /** For an `InstancedMesh`: its instances, those visible first, by renderer that has drawn it in part. */
-    this.orders = new Map();
   }
 
-  /** Frees what graphics cards have of it. */
+  /** Returns the order of the instances for a renderer. */
+  orderOf(renderer) {
+    let order = this.#orders.get(renderer);
+    if (!order) {
+      for (const known of this.#known) if (!known.deref()) this.#known.delete(known);
+      this.#orders.set(renderer, (order = new InstanceOrder(this.count)));
+      this.#known.add(new WeakRef(order));
+    }
+    return order;
+  }
+
+  /** Frees the buffers that graphics cards have of the orders. */
   dispose() {
-    for (const { carrier } of this.orders.values()) carrier.dispose();
+    for (const known of this.#known) known.deref()?.carrier.dispose();
   }
 }
 
@@ -598,7 +612,6 @@ export class VisibilityCulling {
   #hide(renderer, camera, bits) {
     const active = { camera, masked: [], undo: [], hiddenCount: 0, isCollected: false };
     this.#active = active;
-    this.#last.children = [];
     const isVisible = (index) => (bits[index >>> 5] >>> (index & 31)) & 1;
     const mask = camera.layers.mask >>> 0;
     for (const entry of this.#order) {
@@ -633,8 +646,7 @@ export class VisibilityCulling {
     const isCamera = (camera) => active === this.#active && camera === active.camera;
     if (object.isBatchedMesh) active.undo.push(leaveOutOfBatch(object, hidden, isCamera));
     else {
-      let order = many.orders.get(renderer);
-      if (!order) many.orders.set(renderer, (order = new InstanceOrder(count)));
+      const order = many.orderOf(renderer);
       order.update(object);
       order.sort((i) => isVisible(indices[i]));
       this.#last.children.push(order.carrier);
@@ -660,6 +672,8 @@ export class VisibilityCulling {
     if (!this.#active) return;
     this.#collected();
     for (const { end } of this.#active.undo) end();
+    // Each carrier leads to the graphics card of a renderer.
+    this.#last.children = [];
     this.#active = null;
   }
 }

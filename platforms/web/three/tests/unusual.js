@@ -4,6 +4,8 @@
 
 import assert from "node:assert/strict";
 import test from "node:test";
+import { setFlagsFromString } from "node:v8";
+import { runInNewContext } from "node:vm";
 import * as THREE from "three";
 import { load } from "visibility-web";
 import { place } from "../boxes.js";
@@ -316,7 +318,7 @@ test("vertices far from their mesh's origin are where single precision puts them
   // What the card puts beside its place by more than a small share of its size hides nothing.
   for (const [far, isHidden] of [
     [2 ** 22, false],
-    [2 ** 11, false],
+    [2 ** 12, false],
     [2 ** 9, true],
   ]) {
     const wall = new THREE.Mesh(BOX.clone().translate(0, far, 0), grey());
@@ -460,6 +462,24 @@ test("buffers of instances are freed with their mesh, their number and the culli
   assert.deepEqual([drawn(), added()], [2, 5], "added again");
   culling.dispose();
   assert.equal(added(), 3, "disposed of");
+});
+
+test("a renderer that is not used any more is collected", async () => {
+  setFlagsFromString("--expose-gc");
+  const collectGarbage = runInNewContext("gc");
+  const { scene, boxes, camera } = fourBoxes();
+  const culling = await culled(scene, camera);
+  const drawWithOwnRenderer = () => {
+    const renderer = { isWebGLRenderer: true, clippingPlanes: [] };
+    assert.equal(render(scene, camera, { renderer }).drawn.count(boxes), 3);
+    return new WeakRef(renderer);
+  };
+  const ref = drawWithOwnRenderer();
+  // A weak reference holds its target until the present task ends.
+  await new Promise((resolve) => setTimeout(resolve));
+  collectGarbage();
+  assert.equal(ref.deref(), undefined);
+  culling.dispose();
 });
 
 test("a batch that grows is not read anew, and its occluders are freed with it", async () => {
