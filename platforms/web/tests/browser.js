@@ -234,6 +234,37 @@ async function looseObjects() {
   await tab.page.close();
 }
 
+/** Vertices far from their node's origin: boxes hold where the card puts them, and they hide nothing. */
+async function farVertices() {
+  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+  const found = await tab.page.evaluate(async () => {
+    const { BoxGeometry, Group, Mesh, MeshStandardMaterial } = await import("three");
+    const { load } = await import("../package/visibility.js");
+    const { Culling } = await import("./culling.js");
+    const { makeModel } = await import("./items.js");
+    const visibility = await load();
+    const results = [];
+    for (const far of [0, 2 ** 22]) {
+      const mesh = new Mesh(new BoxGeometry().translate(0, far, 0), new MeshStandardMaterial());
+      mesh.position.y = -far;
+      const model = await makeModel(new Group().add(mesh), () => {});
+      const culling = Culling.ofModel(visibility, model);
+      await culling.makeOccluders(() => {});
+      results.push({ height: model.bounds[4] - model.bounds[1], made: culling.occluders.made });
+      culling.destroy();
+    }
+    return results;
+  });
+  const [near, far] = found;
+  assert.equal(near.made, 1);
+  assert.ok(near.height >= 1 && near.height < 1.001, `the box is ${near.height} high`);
+  // Single-precision numbers up to 2^23 are half a metre apart: the card moves both ends by up to a quarter.
+  assert.equal(far.made, 0);
+  assert.ok(far.height >= 1.5, `the box of far vertices is ${far.height} high`);
+  complaints.push(...tab.complaints);
+  await tab.page.close();
+}
+
 /** A report is not disturbed by what a person does meanwhile. */
 async function reports() {
   const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
@@ -369,7 +400,18 @@ async function phone() {
 }
 
 try {
-  const tests = [builtInScenes, files, mirrors, straightDown, looseObjects, reports, refusals, input, phone];
+  const tests = [
+    builtInScenes,
+    files,
+    mirrors,
+    straightDown,
+    looseObjects,
+    farVertices,
+    reports,
+    refusals,
+    input,
+    phone,
+  ];
   for (const test of tests) if (!part || test.name === part) await test();
   assert.deepEqual(complaints, [], "the console has no errors");
   console.log(`the page in ${await browser.version()}: as native; pictures in ${pictures}`);
