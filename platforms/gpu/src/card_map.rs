@@ -232,9 +232,9 @@ impl OcclusionMap for CardMap {
 
 /// Returns the corners of the triangles of an occluder that occlude for an eye: those whose front faces the
 /// eye, or all triangles of a two-sided mesh. Corners and eye are in metres, relative to the scene's
-/// origin. A mirroring transform takes fronts to fronts. Of a one-sided mesh, triangles that are seen edge-
-/// on, or are not finite, are left out.
-pub fn occluding_triangles(
+/// origin. A mirroring transform takes fronts to fronts. Of a one-sided mesh, triangles that are seen
+/// edge-on, or are not finite, are left out.
+fn occluding_triangles(
     occluder: &OccluderMesh,
     transform: &Affine3A,
     eye: Eye,
@@ -252,4 +252,43 @@ pub fn occluding_triangles(
         };
         occluder.is_two_sided() || turn * (b - a).cross(c - a).dot(to_eye) > 0.0
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Quat;
+
+    #[test]
+    fn one_sided_occluders_occlude_by_the_triangles_that_face_the_eye() {
+        let plane = |two_sided: bool| {
+            let corners =
+                [[0.0, -1.0, -1.0], [0.0, 1.0, -1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]].map(Vec3::from);
+            // The front is towards +x.
+            OccluderMesh::from_indexed(&corners, &[[0, 1, 2], [0, 2, 3]]).unwrap().with_two_sided(two_sided)
+        };
+        let cube = OccluderMesh::cuboid(&Aabb::from_arrays([-1.0; 3], [1.0; 3])).unwrap();
+        let place = Vec3::new(5.0, 0.0, 0.0);
+        let [there, turned, mirrored] = [Vec3::ONE, Vec3::new(-1.0, -1.0, 1.0), Vec3::new(1.0, -1.0, 1.0)]
+            .map(|scale| Affine3A::from_scale_rotation_translation(scale, Quat::IDENTITY, place));
+        let [behind, before] = [0.0, 10.0].map(|x| Eye::Point(DVec3::new(x, 0.5, 0.0)));
+        for (name, mesh, transform, eye, count) in [
+            ("a front", plane(false), there, before, 2),
+            ("a back", plane(false), there, behind, 0),
+            ("a back of a two-sided mesh", plane(true), there, behind, 2),
+            ("a front, turned away", plane(false), turned, before, 0),
+            ("a back, turned round", plane(false), turned, behind, 2),
+            ("a front in a mirror", plane(false), mirrored, before, 2),
+            ("a back in a mirror", plane(false), mirrored, behind, 0),
+            ("a front, in parallel", plane(false), there, Eye::Direction(DVec3::NEG_X), 2),
+            ("a back, in parallel", plane(false), there, Eye::Direction(DVec3::X), 0),
+            ("edge-on", plane(false), there, Eye::Direction(DVec3::Y), 0),
+            ("a side of a cube", cube.clone(), there, before, 2),
+            ("a cube from within", cube, there, Eye::Point(place.as_dvec3()), 0),
+            ("an eye nowhere", plane(false), there, Eye::Point(DVec3::NAN), 0),
+        ] {
+            let shown = occluding_triangles(&mesh, &transform, eye).count();
+            assert_eq!(shown, count, "triangles of {name}");
+        }
+    }
 }

@@ -46,7 +46,7 @@ mod viewer;
 mod window;
 mod world;
 
-pub use card_map::{CardMap, occluding_triangles};
+pub use card_map::CardMap;
 pub use gpu::{Gpu, GpuError};
 pub use meshes::Meshes;
 pub use methods::{Culling, Method};

@@ -4,16 +4,13 @@
 //! on the processor. Without an adapter the tests print a note and pass; with the environment variable
 //! `VISIBILITY_GPU=required` they fail.
 
-use glam::{Affine3A, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use visibility_core::occlusion::{HardwareQueries, LateAnswers};
-use visibility_core::view::Eye;
 use visibility_core::{
-    Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, Pipeline, Pose, Scene,
-    View, VisibleSet,
+    Aabb, Culler, FrustumCuller, Object, ObjectId, OcclusionCuller, Pipeline, Pose, Scene, View, VisibleSet,
 };
 use visibility_gpu::{
     CardMap, CardQueries, Delay, Gpu, GpuError, Meshes, NO_ITEM, Painter, Target, TwoPhaseCuller, Viewer,
-    occluding_triangles,
 };
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_measure::ItemBuffer;
@@ -72,39 +69,6 @@ fn the_item_buffer_of_the_card_is_that_of_the_software() {
             println!("{name}: {other} other pixels of {}, {tied} are ties", items.len());
             assert!(other <= tied + items.len() / 100, "{name}");
         }
-    }
-}
-
-#[test]
-fn one_sided_occluders_occlude_by_the_triangles_that_face_the_eye() {
-    let plane = |two_sided: bool| {
-        let corners =
-            [[0.0, -1.0, -1.0], [0.0, 1.0, -1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]].map(Vec3::from);
-        // The front is towards +x.
-        OccluderMesh::from_indexed(&corners, &[[0, 1, 2], [0, 2, 3]]).unwrap().with_two_sided(two_sided)
-    };
-    let cube = OccluderMesh::cuboid(&Aabb::from_arrays([-1.0; 3], [1.0; 3])).unwrap();
-    let place = Vec3::new(5.0, 0.0, 0.0);
-    let [there, turned, mirrored] = [Vec3::ONE, Vec3::new(-1.0, -1.0, 1.0), Vec3::new(1.0, -1.0, 1.0)]
-        .map(|scale| Affine3A::from_scale_rotation_translation(scale, glam::Quat::IDENTITY, place));
-    let [behind, before] = [0.0, 10.0].map(|x| Eye::Point(DVec3::new(x, 0.5, 0.0)));
-    for (name, mesh, transform, eye, count) in [
-        ("a front", plane(false), there, before, 2),
-        ("a back", plane(false), there, behind, 0),
-        ("a back of a two-sided mesh", plane(true), there, behind, 2),
-        ("a front, turned away", plane(false), turned, before, 0),
-        ("a back, turned round", plane(false), turned, behind, 2),
-        ("a front in a mirror", plane(false), mirrored, before, 2),
-        ("a back in a mirror", plane(false), mirrored, behind, 0),
-        ("a front, in parallel", plane(false), there, Eye::Direction(DVec3::NEG_X), 2),
-        ("a back, in parallel", plane(false), there, Eye::Direction(DVec3::X), 0),
-        ("edge-on", plane(false), there, Eye::Direction(DVec3::Y), 0),
-        ("a side of a cube", cube.clone(), there, before, 2),
-        ("a cube from within", cube, there, Eye::Point(place.as_dvec3()), 0),
-        ("an eye nowhere", plane(false), there, Eye::Point(DVec3::NAN), 0),
-    ] {
-        let shown = occluding_triangles(&mesh, &transform, eye).count();
-        assert_eq!(shown, count, "triangles of {name}");
     }
 }
 

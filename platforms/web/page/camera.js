@@ -1,5 +1,7 @@
 // A camera that a person flies by keyboard, mouse and touch. The y axis points up.
 
+import { Matrix4, Vector3 } from "three";
+
 export const add = (a, b, factor = 1) => a.map((number, i) => number + factor * b[i]);
 export const unit = (a) => a.map((number) => number / (Math.hypot(...a) || 1));
 
@@ -21,6 +23,16 @@ const KEYS = {
   KeyE: [0, 1, 0],
   KeyQ: [0, -1, 0],
 };
+
+/**
+ * Returns the unit vectors `right`, `up` and `ahead` of a camera, as three.js finds them: also for a camera that
+ * looks straight along its `up`.
+ */
+export function basisOf({ eye, target, up }) {
+  const at = (place) => new Vector3(...place);
+  const { elements: e } = new Matrix4().lookAt(at(eye), at(target), at(up));
+  return { right: [e[0], e[1], e[2]], up: [e[4], e[5], e[6]], ahead: [-e[8], -e[9], -e[10]] };
+}
 
 /** `eye`, and angles in radians: `yaw` from the x axis against the z axis, `pitch` from the horizon. */
 export class Flyer {
@@ -93,11 +105,12 @@ export class Flyer {
     return [Math.cos(this.yaw) * level, Math.sin(this.pitch), -Math.sin(this.yaw) * level];
   }
 
-  /** Takes place and direction of another camera. */
+  /** Takes place and direction of another camera; not the last degrees to straight up or down. */
   follow({ eye, target }) {
     const [x, y, z] = unit(add(target, eye, -1));
     this.eye = [...eye];
-    [this.yaw, this.pitch] = [Math.atan2(-z, x), Math.asin(y)];
+    this.yaw = Math.atan2(-z, x);
+    this.pitch = Math.max(-STEEPEST, Math.min(STEEPEST, Math.asin(Math.max(-1, Math.min(1, y)))));
   }
 
   /** Returns how many notches the wheel has turned since the last call. */

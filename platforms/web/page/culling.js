@@ -4,12 +4,13 @@
 import { BackSide, DoubleSide } from "three";
 import { Flag } from "../package/visibility.js";
 import { fillScene, makeBuilding } from "./scene.js";
+import { isPlacedWell } from "../three/boxes.js";
+import { add, basisOf } from "./camera.js";
+import { marginOfItem } from "./items.js";
 import { pause } from "./load.js";
 
 /**
-
  * A mesh with more triangles hides nothing: to draw it into the z-buffer would take longer than it saves.
-
  */
 const MOST_OCCLUDER_TRIANGLES = 1 << 14;
 /** Microseconds of work that sets ahead of the eye get each frame. */
@@ -19,9 +20,7 @@ const AHEAD_SECONDS = [0, 0.1, 0.2, 0.4, 0.8];
 const SLICE_MS = 20;
 
 /**
-
  * The cullers on offer, in the order of the pipeline: what a person reads, and the key that switches each.
-
  */
 export const STAGES = [
   { name: "frustum", title: "Outside the view" },
@@ -67,11 +66,8 @@ export class Culling {
   }
 
   /**
-
    * Takes a model of a file. All its objects are there when this returns; `makeOccluders` adds what hides
-
    * them.
-
    */
   static ofModel(visibility, model) {
     const culling = new Culling(visibility);
@@ -92,17 +88,21 @@ export class Culling {
   async makeOccluders(progress) {
     const { model, scene, ids } = this;
     if (!model || this.occluders.isDone) return;
-    const meshes = new Map();
+    // By shape: for matrices that mirror, and for others.
+    const meshes = [new Map(), new Map()];
     const isSolid = model.batches.flatMap(({ count, seeThrough }) => Array(count).fill(!seeThrough));
     this.occluders.all = isSolid.filter(Boolean).length;
     let sliced = performance.now();
     for (let item = 0; item < model.count; item++) {
       const shape = model.shapes[item];
-      if (isSolid[item]) {
-        let mesh = meshes.get(shape);
-        if (mesh === undefined) meshes.set(shape, (mesh = this.#meshOf(shape)));
+      const matrix = model.matrices[item];
+      if (isSolid[item] && isPlacedWell(model.bounds, 6 * item, marginOfItem(shape.reach, matrix))) {
+        const isMirrored = matrix.determinant() < 0;
+        const known = meshes[Number(isMirrored)];
+        if (!known.has(shape)) known.set(shape, this.#meshOf(shape, isMirrored));
+        const mesh = known.get(shape);
         if (mesh !== null) {
-          scene.setMesh(ids[item], mesh, model.matrices[item].elements);
+          scene.setMesh(ids[item], mesh, matrix.elements);
           scene.setFlags(ids[item], Flag.Occluder);
           this.occluders.made++;
         }
@@ -122,14 +122,18 @@ export class Culling {
     model.matrices = [];
   }
 
-  #meshOf({ geometry, side }) {
+  /**
+   * Makes the occluder mesh of a shape, or returns null. The library keeps fronts as fronts under a mirroring
+   * matrix, the graphics card takes them for backs.
+   */
+  #meshOf({ geometry, side }, isMirrored) {
     const { index, attributes } = geometry;
     const triangles = index.count / 3;
     const positions = attributes.position.array;
     if (triangles === 0 || triangles > MOST_OCCLUDER_TRIANGLES || !positions.every(Number.isFinite))
       return null;
     let indices = index.array;
-    if (side === BackSide) {
+    if ((side === BackSide) !== isMirrored) {
       indices = indices.slice();
       for (let i = 0; i < indices.length; i += 3) [indices[i], indices[i + 1]] = [indices[i + 1], indices[i]];
     }
@@ -181,13 +185,12 @@ export class Culling {
   }
 
   /**
-
    * Culls for a camera: `eye`, `target`, `up`, `fovY`, `aspect`, `near`. `velocity` is in metres per second.
-
    */
   cull(camera, velocity = [0, 0, 0]) {
-    const { eye, target, up, fovY, aspect, near } = camera;
-    const pose = { eye: this.#axes(eye), target: this.#axes(target), up: this.#axes(up) };
+    const { eye, fovY, aspect, near } = camera;
+    const { ahead, up } = basisOf(camera);
+    const pose = { eye: this.#axes(eye), target: this.#axes(add(eye, ahead)), up: this.#axes(up) };
     this.view.setPerspective({ ...pose, fovY, aspect, near });
     if (this.online) {
       const places = AHEAD_SECONDS.flatMap((t) => this.#axes(eye.map((x, i) => x + t * velocity[i])));

@@ -15,6 +15,7 @@ import {
   Vector3,
   Vector4,
 } from "three";
+import { marginOf, reachOf } from "../three/boxes.js";
 import { ModelError, pause } from "./load.js";
 
 /** Greatest number of vertices of a batch: 32 to 64 MB of positions and normals. */
@@ -23,8 +24,6 @@ const MOST_VERTICES = 1 << 21;
 const MOST_ITEMS = 1 << 16;
 /** Milliseconds of work between two pauses for the browser. */
 const SLICE_MS = 30;
-/** A box is enlarged by this share of its greatest coordinate: single-precision rounding of what is drawn. */
-const ROUNDING = 2 ** -20;
 const ATTRIBUTES = { position: 3, normal: 3, uv: 2, uv1: 2, color: 4 };
 const MAPS = [
   "map",
@@ -38,6 +37,7 @@ const MAPS = [
   "lightMap",
 ];
 const white = new Color(1, 1, 1);
+const IDENTITY = new Matrix4();
 
 /** Attribute of a geometry as 32-bit floats, whatever the file has: quantized, normalized or interleaved. */
 function asFloats(attribute, itemSize, fill) {
@@ -50,11 +50,9 @@ function asFloats(attribute, itemSize, fill) {
 }
 
 /**
-
- * A geometry with the attributes that its batch has, an index, and faces that a mirrored matrix keeps
-
- * outwards.
-
+ * Returns a geometry with the attributes that its batch has, and an index. With `isMirrored` its triangles run
+ * the other way round: a mirroring matrix turns them back. The graphics card goes by the way in which they run
+ * in the picture.
  */
 function prepared(source, names, isMirrored) {
   const geometry = new BufferGeometry();
@@ -77,7 +75,7 @@ function prepared(source, names, isMirrored) {
   return geometry;
 }
 
-/** Text that is the same for materials that one batch can draw, apart from the colour of opaque ones. */
+/** Text that is the same for materials that one batch can draw. Each item has its own colour. */
 function materialKey(material) {
   if (material.type === "MeshPhysicalMaterial" && material.transmission === 0 && !material.iridescence)
     return `physical ${material.uuid}`;
@@ -143,8 +141,24 @@ function collect(root) {
   return { parts, loose };
 }
 
-/** Writes the box of transformed vertices, as they are and enlarged for rounding, to 6 numbers at `at`. */
-function writeBounds(bounds, at, positions, { elements: e }) {
+/** Greatest coordinates by axis, without their signs. Those that are NaN do not count. */
+function reachOfPoints(positions) {
+  const reach = [0, 0, 0];
+  for (let i = 0; i < positions.length; i++) {
+    const x = Math.abs(positions[i]);
+    if (x > reach[i % 3]) reach[i % 3] = x;
+  }
+  return reach;
+}
+
+/** Distance in metres by which the graphics card may put vertices beside their place: see `boxes.js`. */
+export function marginOfItem(reach, matrix) {
+  return marginOf(IDENTITY, reachOf(matrix, reach));
+}
+
+/** Writes the box of transformed vertices, enlarged for rounding, to 6 numbers at `at`. */
+function writeBounds(bounds, at, positions, reach, matrix) {
+  const e = matrix.elements;
   const box = [Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity];
   for (let i = 0; i < positions.length; i += 3) {
     const [x, y, z] = [positions[i], positions[i + 1], positions[i + 2]];
@@ -154,8 +168,14 @@ function writeBounds(bounds, at, positions, { elements: e }) {
       if (moved > box[3 + k]) box[3 + k] = moved;
     }
   }
-  const margin = ROUNDING * Math.max(...box.map(Math.abs));
+  const margin = marginOfItem(reach, matrix);
   for (let k = 0; k < 6; k++) bounds[at + k] = box[k] + (k < 3 ? -margin : margin);
+}
+
+/** Frees a material and its textures on the graphics card. */
+function disposeMaterial(material) {
+  for (const value of Object.values(material)) if (value?.isTexture) value.dispose();
+  material.dispose();
 }
 
 /** A model as items. See the head of this file. */
@@ -165,6 +185,8 @@ export class Model {
   /** What is drawn whatever a culler finds: skinned and morphed meshes, lines, points. */
   loose = [];
   names = [];
+  /** Box of `loose` in the pose in which the file has them. */
+  looseBox = new Box3();
   /** By item: 6 numbers of its box, number of triangles, and shape and matrix of what it hides with. */
   bounds = new Float64Array(0);
   triangles = new Uint32Array(0);
@@ -177,9 +199,9 @@ export class Model {
     return this.triangles.length;
   }
 
-  /** Least and greatest corner of all items. */
+  /** Least and greatest corner of all that is drawn. */
   get box() {
-    const box = [Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity];
+    const box = [...this.looseBox.min, ...this.looseBox.max];
     this.bounds.forEach((number, i) => {
       const k = i % 6;
       if (Number.isFinite(number)) box[k] = k < 3 ? Math.min(box[k], number) : Math.max(box[k], number);
@@ -189,20 +211,20 @@ export class Model {
 
   dispose() {
     for (const { mesh } of this.batches) {
-      for (const map of MAPS) mesh.material[map]?.dispose();
-      mesh.material.dispose();
+      disposeMaterial(mesh.material);
       mesh.dispose();
     }
-    for (const { geometry } of this.loose) geometry?.dispose();
+    for (const { geometry, material, skeleton } of this.loose) {
+      geometry?.dispose();
+      for (const one of [material].flat()) if (one) disposeMaterial(one);
+      skeleton?.dispose();
+    }
   }
 }
 
 /**
-
  * Makes items of a scene graph. `progress` gets a line of text. Throws a `ModelError` if there are no
-
  * triangles.
-
  */
 export async function makeModel(root, progress) {
   // Around the origin, where single precision is finest, and on the ground.
@@ -224,6 +246,7 @@ export async function makeModel(root, progress) {
   if (total === 0 && loose.length === 0) throw new ModelError("the model has no triangles");
   const model = new Model();
   model.loose = loose;
+  for (const object of loose) model.looseBox.expandByObject(object);
   model.bounds = new Float64Array(6 * total);
   model.triangles = new Uint32Array(total);
   const made = { model, item: 0, sliced: performance.now(), progress, total };
@@ -265,7 +288,8 @@ async function addBatch(made, { material, names }, parts) {
     if (!shape) {
       const source = group ? groupOf(object.geometry, group) : object.geometry;
       const geometry = prepared(source, names, isMirrored);
-      shape = { geometry, id: -1, side: material.side, seeThrough: isSeeThrough(batchMaterial(material)) };
+      const reach = reachOfPoints(geometry.attributes.position.array);
+      shape = { geometry, reach, id: -1, side: material.side };
       geometries.set(key, shape);
       vertices += geometry.attributes.position.count;
       indices += geometry.index.count;
@@ -300,7 +324,7 @@ async function addBatch(made, { material, names }, parts) {
       const { r, g, b } = part.material.color ?? own;
       mesh.setColorAt(id, color.set(r, g, b, 1));
       const item = made.item++;
-      writeBounds(model.bounds, 6 * item, shape.geometry.attributes.position.array, matrix);
+      writeBounds(model.bounds, 6 * item, shape.geometry.attributes.position.array, shape.reach, matrix);
       model.triangles[item] = shape.geometry.index.count / 3;
       model.names.push(object.name || object.parent?.name || `object ${item}`);
       model.shapes.push(shape);
@@ -331,11 +355,8 @@ async function slice(made) {
 }
 
 /**
-
  * Makes a model of one material from triangles: 9 numbers each, `counts` per item, with colours of its
-
  * vertices.
-
  */
 export function modelOfTriangles({ counts, triangles, colors, material }) {
   const model = new Model();
@@ -343,18 +364,18 @@ export function modelOfTriangles({ counts, triangles, colors, material }) {
   const mesh = new BatchedMesh(counts.length, vertices, 3, material);
   mesh.perObjectFrustumCulled = mesh.frustumCulled = mesh.sortObjects = false;
   mesh.castShadow = mesh.receiveShadow = true;
-  const identity = new Matrix4();
   model.bounds = new Float64Array(6 * counts.length);
   model.triangles = Uint32Array.from(counts);
   let at = 0;
   for (let item = 0; item < counts.length; item++) {
     const end = at + 9 * counts[item];
     const geometry = new BufferGeometry();
-    geometry.setAttribute("position", new BufferAttribute(triangles.subarray(at, end), 3));
+    const positions = triangles.subarray(at, end);
+    geometry.setAttribute("position", new BufferAttribute(positions, 3));
     geometry.setAttribute("color", new BufferAttribute(colors.subarray(at, end), 3));
     geometry.computeVertexNormals();
-    mesh.setMatrixAt(mesh.addInstance(mesh.addGeometry(geometry)), identity);
-    writeBounds(model.bounds, 6 * item, triangles.subarray(at, end), identity);
+    mesh.setMatrixAt(mesh.addInstance(mesh.addGeometry(geometry)), IDENTITY);
+    writeBounds(model.bounds, 6 * item, positions, reachOfPoints(positions), IDENTITY);
     model.names.push(`object ${item}`);
     at = end;
   }

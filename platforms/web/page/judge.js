@@ -34,7 +34,8 @@ const VERTEX = `
   void main() {
     #include <batching_vertex>
     item = firstItem + getIndirectIndex(gl_DrawID);
-    gl_Position = projectionMatrix * viewMatrix * modelMatrix * batchingMatrix * vec4(position, 1.0);
+    // In the order of the shaders of three.js, so that it rounds as they do.
+    gl_Position = projectionMatrix * (modelViewMatrix * (batchingMatrix * vec4(position, 1.0)));
   }`;
 
 const FRAGMENTS = {
@@ -150,11 +151,8 @@ export class Judge {
   }
 
   /**
-
    * The item that shows in a pixel, by its place from 0 to 1 from left and top, of all or of those of
-
    * `bits`; or -1.
-
    */
   pick(picture, eye, [x, y], bits) {
     picture.show(bits ?? new Uint32Array(picture.shown.length).fill(0xffffffff));

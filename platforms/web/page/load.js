@@ -93,12 +93,13 @@ export async function loadModel(files, renderer, progress) {
   progress(`Parsing ${file.name}: ${megabytes(file.size)}`);
   await pause();
 
+  const basis = new URL("vendor/three/examples/jsm/libs/basis/", import.meta.url).href;
   const manager = new LoadingManager();
   const urls = new Map([...files].map((part) => [part.name, part]));
   const made = [];
   const missing = [];
   manager.setURLModifier((url) => {
-    if (/^(blob|data):/.test(url) || url.startsWith(location.origin)) return url;
+    if (/^(blob|data):/.test(url) || url.startsWith(basis)) return url;
     const name = decodeURIComponent(url.split("/").pop());
     if (!urls.has(name)) {
       missing.push(name);
@@ -111,9 +112,8 @@ export async function loadModel(files, renderer, progress) {
   const loader = new GLTFLoader(manager).setMeshoptDecoder(MeshoptDecoder);
   const draco = mentions(buffer, "KHR_draco_mesh_compression") ? new DRACOLoader() : null;
   if (draco) loader.setDRACOLoader(draco);
-  const basis = new URL("vendor/three/examples/jsm/libs/basis/", import.meta.url).href;
   const ktx2 = mentions(buffer, "KHR_texture_basisu")
-    ? new KTX2Loader().setTranscoderPath(basis).detectSupport(renderer)
+    ? new KTX2Loader(manager).setTranscoderPath(basis).detectSupport(renderer)
     : null;
   if (ktx2) loader.setKTX2Loader(ktx2);
   try {

@@ -34,6 +34,8 @@ const state = {
   frames: 0,
   /** Whether a model is being loaded. */
   loading: true,
+  /** Whether a report is being made: until it is, model, cullers and size stay. */
+  reporting: false,
 };
 const toggles = { walk: !query.has("still"), freeze: false, above: false, ghosts: false, measure: true };
 /** For tests and for the curious: what the page is doing. */
@@ -74,6 +76,10 @@ let drawnSignature = "";
 
 /** Shows a model: `make` returns `model`, `culling` and `walk`, and lines of text for the panel. */
 async function show(name, make) {
+  if (state.reporting) {
+    panel.sceneIs(state.scene, Boolean(state.facts.files));
+    return;
+  }
   const mine = ++loads;
   const isCurrent = () => mine === loads;
   const start = performance.now();
@@ -154,7 +160,7 @@ function cameraOf(camera) {
   camera.updateWorldMatrix(true, false);
   const e = camera.matrixWorld.elements;
   const eye = [e[12], e[13], e[14]];
-  return { eye, target: add(eye, [-e[8], -e[9], -e[10]]), up: [0, 1, 0], fovY: FOV_Y };
+  return { eye, target: add(eye, [-e[8], -e[9], -e[10]]), up: [e[4], e[5], e[6]], fovY: FOV_Y };
 }
 
 /** Opens the files of the present model again, with the other axis upwards. */
@@ -164,7 +170,7 @@ function turnUpright() {
 }
 
 function chooseStages(names) {
-  if (!culling) return;
+  if (!culling || state.reporting) return;
   state.stages = names;
   culling.choose(names, {
     height: canvas.height || 720,
@@ -211,6 +217,7 @@ function moved(seconds) {
 }
 
 function resize() {
+  if (state.reporting) return;
   const ratio = Math.min(2, devicePixelRatio) * quality;
   const size = [canvas.clientWidth, canvas.clientHeight].map((side) => Math.max(1, Math.round(side * ratio)));
   if (canvas.width === size[0] && canvas.height === size[1]) return;
@@ -313,11 +320,12 @@ function judgeWithout(item) {
   return judge.compare(picture, state.camera, bits);
 }
 
-/** Makes the report of a walk and saves it as a file. */
+/** Makes the report of a walk and saves it as a file. Null while there is no model, or another report. */
 async function report() {
-  if (!picture?.model) return null;
-  const former = { key, still, ...toggles };
+  if (!picture?.model || state.loading || state.reporting) return null;
+  const walked = toggles.walk;
   toggle("walk", false);
+  state.reporting = true;
   try {
     return await saveReport({
       visibility,
@@ -331,8 +339,9 @@ async function report() {
       say: panel.say,
     });
   } finally {
+    state.reporting = false;
     chooseStages(state.stages);
-    toggle("walk", former.walk);
+    toggle("walk", walked);
     panel.say("");
   }
 }

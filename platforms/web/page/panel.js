@@ -92,9 +92,7 @@ export class Panel {
   }
 
   /**
-
    * Shows a message over the lower edge of the picture; an empty one is none. An error stays for 8 seconds.
-
    */
   say(text, isError = false) {
     const message = element("message");

@@ -20,6 +20,7 @@ import {
   Vector3,
   WebGLRenderer,
 } from "three";
+import { basisOf } from "./camera.js";
 import { Outlines } from "./outlines.js";
 import { Shade } from "./shade.js";
 
@@ -171,11 +172,10 @@ export class Picture {
   }
 
   /** Edges of what a camera sees, as far as `distance`. */
-  #showView({ eye, target, up, fovY, aspect }, distance) {
+  #showView(camera, distance) {
+    const { eye, fovY, aspect } = camera;
     const from = new Vector3(...eye);
-    const ahead = new Vector3(...target).sub(from).normalize();
-    const right = new Vector3().crossVectors(ahead, new Vector3(...up)).normalize();
-    const over = new Vector3().crossVectors(right, ahead);
+    const [right, over, ahead] = Object.values(basisOf(camera)).map((axis) => new Vector3(...axis));
     const height = Math.tan(fovY / 2);
     const corners = [
       [-1, -1],

@@ -1,19 +1,17 @@
 // The lines of code that do in an engine what the page does, for the report.
 
 const STAGE_LINES = {
-  js: {
-    frustum: ".addFrustum()",
-    size: (height, pixels) => `.addContribution(${height}, ${pixels})`,
-    zbuffer: ".addZBuffer()",
-    ahead: ".addOnline(online)",
-    portals: ".addPortals(cells)",
-    baked: ".addPvs(baked)",
-  },
+  frustum: ".addFrustum()",
+  size: (height, pixels) => `.addContribution(${height}, ${pixels})`,
+  zbuffer: ".addZBuffer()",
+  ahead: ".addOnline(online)",
+  portals: ".addPortals(cells)",
+  baked: ".addPvs(baked)",
 };
 
 function chain(stages, height, pixels) {
   return stages
-    .map((name) => STAGE_LINES.js[name])
+    .map((name) => STAGE_LINES[name])
     .map((line) => (typeof line === "function" ? line(height, pixels) : line))
     .join("");
 }

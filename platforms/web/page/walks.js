@@ -59,9 +59,7 @@ function enclosed(blocked, columns, rows) {
 }
 
 /**
-
  * Cells in the order in which a flood from one reaches them, within `open`, and where each was reached from.
-
  */
 function flood(open, columns, rows, start, reached) {
   const cells = [start];
@@ -86,9 +84,7 @@ function flood(open, columns, rows, start, reached) {
 }
 
 /**
-
  * The longest way through a place: from the cell that is farthest from any to the one farthest from that.
-
  */
 function longestWay(open, columns, rows, place) {
   const scratch = new Uint8Array(open.length);

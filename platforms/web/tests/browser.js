@@ -2,12 +2,12 @@
 // visible objects is not the native one, a visible object is hidden, or the page reports an error.
 //
 // Usage: node browser.js FILE FOLDER [PART], with the output of `native answers` and a folder for pictures;
-// PART is one of the functions below. Ends with status 77 where a browser is missing.
+// PART is one of the functions below. Ends with status 77 where a browser is missing or does not start.
 
 import assert from "node:assert/strict";
 import { mkdir, readFile, writeFile } from "node:fs/promises";
 import { Tab, launch } from "./chromium.js";
-import { writeWall } from "./models.js";
+import { writeElsewhere, writeMirrored, writePoints, writeWall } from "./models.js";
 import { serve } from "./serve.js";
 
 const [answers, pictures, part] = process.argv.slice(2);
@@ -129,6 +129,169 @@ async function files() {
   await tab.page.close();
 }
 
+/** Surfaces of one side whose node, or whose instance, is mirrored: the library has the sides of the picture. */
+async function mirrors() {
+  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+  const path = `${pictures}/mirrored.glb`;
+  const from = (z) => `page.chooseStages(["frustum", "zbuffer"]); page.lookFrom([0, 3, ${z}], [0, 3, 0])`;
+  for (const instance of [null, false, true]) {
+    for (const node of [false, true]) {
+      await writeMirrored(path, { node, instance });
+      await tab.openFiles(path);
+      // As three.js draws instances: a mirrored one shows its front towards -z.
+      for (const z of [25, -25]) {
+        const isFront = z > 0 !== Boolean(instance);
+        const at = `mirrored node: ${node}, instance: ${instance}, from z = ${z}`;
+        const state = await tab.judged(from(z));
+        assert.deepEqual([state.check.wrongPixels, state.check.wrongObjects], [0, 0], at);
+        assert.equal(state.visible, isFront ? 2 : 3, `objects drawn: ${at}`);
+      }
+    }
+  }
+  complaints.push(...tab.complaints);
+  await tab.page.close();
+}
+
+/** Cameras that look straight down: one of a file, and that of a person. */
+async function straightDown() {
+  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+  const path = (name) => `${pictures}/${name}`;
+  await writeWall(path("wall.glb"));
+  await tab.openFiles(path("wall.glb"));
+  const down = await tab.judged(`page.chooseStages(["frustum"]); page.lookFrom([0, 9, -8], [0, 0, -8])`);
+  assert.deepEqual([down.check.wrongPixels, down.check.wrongObjects], [0, 0], "straight down");
+  assert.ok(down.check.shown > 5, `${down.check.shown} objects show`);
+  // A person who takes over from there looks a little ahead.
+  await tab.page.focus("#canvas");
+  await tab.page.keyboard.press("w");
+  const { camera } = await tab.act();
+  const level = Math.hypot(camera.target[0] - camera.eye[0], camera.target[2] - camera.eye[2]);
+  assert.ok(level > 0.01, `the camera looks ${level} aside of straight down`);
+
+  await writeMirrored(path("mirrored.glb"));
+  await tab.openFiles(path("mirrored.glb"));
+  const own = await tab.judged(`page.chooseStages(["frustum"]); page.goTo(0)`);
+  assert.deepEqual([own.check.wrongPixels, own.check.wrongObjects], [0, 0], "the camera of the file");
+  assert.deepEqual(
+    own.camera.up.map((x) => Math.round(x) + 0),
+    [0, 0, -1],
+    "its upper edge is towards -z",
+  );
+  complaints.push(...tab.complaints);
+  await tab.page.close();
+}
+
+/** What is drawn whatever the cullers find counts for the size of the model, and is freed with it. */
+async function looseObjects() {
+  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+  await writePoints(`${pictures}/points.glb`);
+  const { objects, camera } = await tab.openFiles(`${pictures}/points.glb`);
+  const distance = Math.hypot(...camera.eye);
+  assert.equal(objects, 0);
+  assert.ok(distance > 50 && distance < 150, `the camera is ${distance} from the middle of 100 m of points`);
+  const freed = await tab.page.evaluate(async () => {
+    const {
+      Bone,
+      BoxGeometry,
+      BufferAttribute,
+      Group,
+      Mesh,
+      MeshStandardMaterial,
+      Skeleton,
+      SkinnedMesh,
+      Texture,
+    } = await import("three");
+    const { makeModel } = await import("./items.js");
+    const count = [];
+    const counted = (name, object) => {
+      object.addEventListener("dispose", () => count.push(name));
+      return object;
+    };
+    const make = (name) => {
+      const material = counted(`material of ${name}`, new MeshStandardMaterial());
+      material.clearcoatMap = material.map = counted(`picture of ${name}`, new Texture());
+      return [counted(`geometry of ${name}`, new BoxGeometry()), material];
+    };
+    const skinned = new SkinnedMesh(...make("bones"));
+    for (const name of ["skinIndex", "skinWeight"])
+      skinned.geometry.setAttribute(name, new BufferAttribute(new Float32Array(4 * 24), 4));
+    skinned.bind(new Skeleton([new Bone()]));
+    skinned.skeleton.computeBoneTexture();
+    counted("texture of bones", skinned.skeleton.boneTexture);
+    const mesh = new Mesh(...make("item"));
+    const model = await makeModel(new Group().add(skinned, mesh), () => {});
+    model.dispose();
+    return [...new Set(count)].sort();
+  });
+  assert.deepEqual(freed, [
+    "geometry of bones",
+    "material of bones",
+    "picture of bones",
+    "picture of item",
+    "texture of bones",
+  ]);
+  complaints.push(...tab.complaints);
+  await tab.page.close();
+}
+
+/** Vertices far from their node's origin: boxes hold where the card puts them, and they hide nothing. */
+async function farVertices() {
+  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+  const found = await tab.page.evaluate(async () => {
+    const { BoxGeometry, Group, Mesh, MeshStandardMaterial } = await import("three");
+    const { load } = await import("../package/visibility.js");
+    const { Culling } = await import("./culling.js");
+    const { makeModel } = await import("./items.js");
+    const visibility = await load();
+    const results = [];
+    for (const far of [0, 2 ** 22]) {
+      const mesh = new Mesh(new BoxGeometry().translate(0, far, 0), new MeshStandardMaterial());
+      mesh.position.y = -far;
+      const model = await makeModel(new Group().add(mesh), () => {});
+      const culling = Culling.ofModel(visibility, model);
+      await culling.makeOccluders(() => {});
+      results.push({ height: model.bounds[4] - model.bounds[1], made: culling.occluders.made });
+      culling.destroy();
+    }
+    return results;
+  });
+  const [near, far] = found;
+  assert.equal(near.made, 1);
+  assert.ok(near.height >= 1 && near.height < 1.001, `the box is ${near.height} high`);
+  // Single-precision numbers up to 2^23 are half a metre apart: the card moves both ends by up to a quarter.
+  assert.equal(far.made, 0);
+  assert.ok(far.height >= 1.5, `the box of far vertices is ${far.height} high`);
+  complaints.push(...tab.complaints);
+  await tab.page.close();
+}
+
+/** A report is not disturbed by what a person does meanwhile. */
+async function reports() {
+  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+  await writeWall(`${pictures}/wall.glb`);
+  await tab.openFiles(`${pictures}/wall.glb`);
+  await tab.act(`page.chooseStages(["frustum", "size", "zbuffer"])`);
+  const rows = (report) =>
+    [...report.matchAll(/<tr><td>([^<]*)<\/td><td>([\d,]+)<\/td>\s*<td>([\d,]+)/g)].map(([, ...row]) => row);
+  const alone = rows(await tab.page.evaluate(`page.report()`));
+  await tab.page.evaluate(`window.made = page.report(); 0`);
+  await tab.page.evaluate(`page.chooseStages(["frustum"])`);
+  await tab.page.setViewport({ ...WIDE, height: 300 });
+  await tab.act(`page.chooseScene("city")`);
+  const again = await tab.page.evaluate(`page.report()`);
+  assert.equal(again, null, "one report at a time");
+  const disturbed = rows(await tab.page.evaluate(`window.made`));
+  assert.equal(alone.length, 3);
+  assert.deepEqual(disturbed, alone);
+  const after = await tab.act();
+  assert.deepEqual([after.scene, after.objects, after.stages.length], ["wall.glb", 38, 3]);
+  const opened = await tab.act(`page.chooseScene("city")`);
+  await tab.until(`page.state.scene === "city" && !page.state.loading`);
+  assert.equal(opened.message ?? "", "", "scenes can be chosen again");
+  complaints.push(...tab.complaints);
+  await tab.page.close();
+}
+
 /** Files that are no model: a message, and the former model stays. */
 async function refusals() {
   const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
@@ -156,8 +319,18 @@ async function refusals() {
     assert.deepEqual([refused.objects, refused.errors], [779, 0], `${name}: the former model stays`);
   }
   await save(tab, "refused");
+  // No address in a file is fetched, not even from this host.
+  await writeElsewhere(path("elsewhere.gltf"), `${server.address}scenes.wasm`);
+  const elsewhere = await tab.openFiles(path("elsewhere.gltf"));
+  assert.match(elsewhere.message, /scenes\.wasm: drop these/);
+  assert.equal(elsewhere.objects, 779, "the former model stays");
+  await writeElsewhere(path("picture.gltf"), null, "https://pictures.example/a.ktx2");
+  const { objects, errors } = await tab.openFiles(path("picture.gltf"));
+  assert.deepEqual([objects, errors], [1, 0], "a model whose picture is missing");
   // Only that an address is missing may be said there.
-  complaints.push(...tab.complaints.splice(0).filter((text) => !/data:,|lacks|away\.bin/.test(text)));
+  complaints.push(
+    ...tab.complaints.splice(0).filter((text) => !/data:,|lacks|away\.bin|Couldn't load texture/.test(text)),
+  );
   await tab.page.close();
 }
 
@@ -227,8 +400,19 @@ async function phone() {
 }
 
 try {
-  for (const test of [builtInScenes, files, refusals, input, phone])
-    if (!part || test.name === part) await test();
+  const tests = [
+    builtInScenes,
+    files,
+    mirrors,
+    straightDown,
+    looseObjects,
+    farVertices,
+    reports,
+    refusals,
+    input,
+    phone,
+  ];
+  for (const test of tests) if (!part || test.name === part) await test();
   assert.deepEqual(complaints, [], "the console has no errors");
   console.log(`the page in ${await browser.version()}: as native; pictures in ${pictures}`);
 } finally {

@@ -35,14 +35,18 @@ async function executable() {
   return packed ? packed.default.executablePath() : null;
 }
 
-/** Starts Chromium; or returns what is missing, as text. */
+/** Starts Chromium; or returns what is missing, or why it does not start, as text. */
 export async function launch() {
   const puppeteer = await import("puppeteer-core").catch(() => null);
   if (!puppeteer) return "puppeteer-core is not there";
-  const executablePath = await executable();
-  if (!executablePath) return "no Chromium is there";
-  const settings = { executablePath, headless: "shell", args: ARGUMENTS, protocolTimeout: PATIENCE };
-  return puppeteer.default.launch(settings);
+  try {
+    const executablePath = await executable();
+    if (!executablePath) return "no Chromium is there";
+    const settings = { executablePath, headless: "shell", args: ARGUMENTS, protocolTimeout: PATIENCE };
+    return await puppeteer.default.launch(settings);
+  } catch (error) {
+    return `Chromium does not start: ${error.message}`;
+  }
 }
 
 /** The page in a tab, with what it complained about. */

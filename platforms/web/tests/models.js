@@ -1,5 +1,5 @@
-// Models for tests, written byte by byte: rows of boxes with colours, some of them instances, and files that
-// are none.
+// Models for tests, written byte by byte: rows of boxes with colours, some of them instances; mirrored
+// surfaces of one side; points; and files that are none.
 
 import { writeFile } from "node:fs/promises";
 
@@ -114,4 +114,102 @@ export async function writeWall(path, { side = 6, instanced = false, padding = 0
   const bytes = glb(json, binary);
   await writeFile(path, bytes);
   return bytes;
+}
+
+/** Writes a model of nodes whose meshes have one list of positions each, and one primitive. */
+async function writeNodes(path, meshes, nodes, attributes = []) {
+  const parts = [...meshes.map(({ positions }) => positions), ...attributes];
+  const views = [];
+  let byteLength = 0;
+  for (const part of parts) {
+    views.push({ buffer: 0, byteOffset: byteLength, byteLength: part.byteLength });
+    byteLength += part.byteLength;
+  }
+  const bound = (positions, pick) => [0, 1, 2].map((k) => pick(...positions.filter((_, i) => i % 3 === k)));
+  const json = {
+    asset: { version: "2.0" },
+    extensionsUsed: ["EXT_mesh_gpu_instancing"],
+    scene: 0,
+    scenes: [{ nodes: nodes.map((_, i) => i) }],
+    nodes,
+    cameras: [{ type: "perspective", perspective: { yfov: 1, znear: 0.1 } }],
+    meshes: meshes.map(({ mode = 4 }, i) => ({ primitives: [{ attributes: { POSITION: i }, mode }] })),
+    accessors: parts.map((part, bufferView) => ({
+      bufferView,
+      componentType: 5126,
+      count: part.length / 3,
+      type: "VEC3",
+      min: bound(part, Math.min),
+      max: bound(part, Math.max),
+    })),
+    bufferViews: views,
+    buffers: [{ byteLength }],
+  };
+  await writeFile(path, glb(json, Buffer.concat(parts.map(({ buffer }) => Buffer.from(buffer)))));
+}
+
+/** Triangles of the box from -1 to 1. */
+function boxTriangles() {
+  const { positions, indices } = box();
+  return Float32Array.from(indices.flatMap((i) => positions.slice(3 * i, 3 * i + 3)));
+}
+
+/**
+ * Writes a model: a surface 20 wide and 10 high at z = 0 whose front is towards +z, and a small box on each
+ * side of it. The node of the surface, or an instance that it has, may be mirrored. A camera, 30 above the
+ * origin, looks straight down.
+ */
+export async function writeMirrored(path, { node = false, instance = null } = {}) {
+  const quad = Float32Array.from(
+    [
+      [-1, -1],
+      [1, -1],
+      [1, 1],
+      [-1, -1],
+      [1, 1],
+      [-1, 1],
+    ].flatMap(([x, y]) => [x, y, 0]),
+  );
+  const small = { scale: [0.5, 0.5, 0.5], mesh: 1 };
+  const surface = { name: "surface", mesh: 0, translation: [0, 5, 0], scale: [node ? -10 : 10, 5, 1] };
+  if (instance !== null) surface.extensions = { EXT_mesh_gpu_instancing: { attributes: { SCALE: 2 } } };
+  const nodes = [
+    surface,
+    { name: "before", translation: [2, 3, 6], ...small },
+    { name: "behind", translation: [-2, 3, -6], ...small },
+    { name: "camera", camera: 0, translation: [0, 30, 0], rotation: [-Math.SQRT1_2, 0, 0, Math.SQRT1_2] },
+  ];
+  const scales = Float32Array.from([instance ? -1 : 1, 1, 1]);
+  await writeNodes(path, [{ positions: quad }, { positions: boxTriangles() }], nodes, [scales]);
+}
+
+/** Writes a model of points alone, along 100 of the x axis. */
+export function writePoints(path) {
+  const positions = Float32Array.from({ length: 303 }, (_, i) => (i % 3 === 0 ? i / 3 : i % 2));
+  return writeNodes(path, [{ positions, mode: 0 }], [{ name: "points", mesh: 0 }]);
+}
+
+/** Writes a model as text whose buffer, and whose picture in the format KTX2, are at addresses. */
+export async function writeElsewhere(path, bufferUri, pictureUri) {
+  const bytes = Buffer.from(boxTriangles().buffer);
+  const uri = bufferUri ?? `data:application/octet-stream;base64,${bytes.toString("base64")}`;
+  const picture = pictureUri && {
+    extensionsUsed: ["KHR_texture_basisu"],
+    images: [{ uri: pictureUri, mimeType: "image/ktx2" }],
+    textures: [{ extensions: { KHR_texture_basisu: { source: 0 } } }],
+    materials: [{ pbrMetallicRoughness: { baseColorTexture: { index: 0 } } }],
+  };
+  const json = {
+    asset: { version: "2.0" },
+    scenes: [{ nodes: [0] }],
+    nodes: [{ mesh: 0 }],
+    meshes: [{ primitives: [{ attributes: { POSITION: 0 }, ...(picture && { material: 0 }) }] }],
+    accessors: [
+      { bufferView: 0, componentType: 5126, count: 36, type: "VEC3", min: [-1, -1, -1], max: [1, 1, 1] },
+    ],
+    bufferViews: [{ buffer: 0, byteLength: bytes.length }],
+    buffers: [{ uri, byteLength: bytes.length }],
+    ...picture,
+  };
+  await writeFile(path, JSON.stringify(json));
 }

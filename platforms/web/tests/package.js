@@ -241,7 +241,10 @@ for (const simd128 of [false, true]) {
       wide += step.isWide;
       if (step.isWide && step.isFinished) assert.deepEqual([frame(0), online.answer], [[wall], "wide"]);
     }
-    assert.ok(steps >= 24 && wide >= 12 && finished >= 2, `${steps} steps, ${wide} wide, ${finished} finished`);
+    assert.ok(
+      steps >= 24 && wide >= 12 && finished >= 2,
+      `${steps} steps, ${wide} wide, ${finished} finished`,
+    );
     assert.deepEqual([frame(0.1), online.answer], [[wall], "viewcell"]);
     assert.deepEqual([[...online.came], [...online.went]], [[], []]);
     const here = { min: [-0.05, -0.05, -0.05], max: [0.05, 0.05, 0.05] };
@@ -299,7 +302,10 @@ for (const simd128 of [false, true]) {
     assert.equal(still.objects.length, 0);
     const online = visibility.createOnline({ viewcell: [2, 2, 3.2], wide: [3, 3, 4], margin: 0.95 });
     const cells = visibility.createOnlineSightCells(scene, online, boxes);
-    assert.deepEqual([...cells.objects], [...cells.objects].filter((id) => scene.contains(id)));
+    assert.deepEqual(
+      [...cells.objects],
+      [...cells.objects].filter((id) => scene.contains(id)),
+    );
     who.look(cells, sides, sides, scene);
     assert.deepEqual([...who.seenBy(0)], [0, 1]);
     while (online.step(scene, [1.3, 1.3, 0.9, 6.3, 1.3, 0.9], 10000) !== null);
@@ -324,7 +330,10 @@ for (const simd128 of [false, true]) {
     const sized = (change) => () => visibility.createOnline({ ...sizes, ...change });
     assert.throws(() => visibility.createOnline(), refused("ARGUMENT", /`viewcell`/));
     assert.throws(sized({ viewcell: [0.6, NaN, 0.6] }), refused("ARGUMENT", /on axis 1, viewcells of NaN m/));
-    assert.throws(sized({ wide: [4, 4, 0.5] }), refused("ARGUMENT", /on axis 2, viewcells of 0.6 m do not fit/));
+    assert.throws(
+      sized({ wide: [4, 4, 0.5] }),
+      refused("ARGUMENT", /on axis 2, viewcells of 0.6 m do not fit/),
+    );
     assert.throws(sized({ margin: -1 }), refused("ARGUMENT", /margin cannot be -1/));
     assert.throws(sized({ margin: NaN }), refused("ARGUMENT", /is missing, or/));
     assert.throws(() => online.step(scene, [0, 0], 9), refused("ARGUMENT", /`places` is no multiple of 3/));
@@ -334,7 +343,10 @@ for (const simd128 of [false, true]) {
     const far = { min: [0, 0, 0], max: [0, 0, Infinity] };
     assert.throws(() => online.hiddenFrom(scene, far), refused("ARGUMENT", /`max` is not finite/));
     assert.throws(() => online.hiddenFrom(scene), refused("ARGUMENT", /`min`/));
-    assert.throws(() => visibility.createPipeline().addOnline(scene), refused("ARGUMENT", /an? online of this/));
+    assert.throws(
+      () => visibility.createPipeline().addOnline(scene),
+      refused("ARGUMENT", /an? online of this/),
+    );
     const wall = { from: [0, 0], to: [0, 1] };
     const plan = (...walls) => visibility.createSightCellsOfPlan(walls);
     assert.throws(() => plan({ from: [0, 0] }), refused("ARGUMENT", /./));
@@ -494,7 +506,10 @@ for (const simd128 of [false, true]) {
     const handle = (await load({ simd128 })).createScene();
     const { exports } = handle.wasm;
     handle.wasm.exports = { ...exports, vis_scene_insert_batch: trap, vis_free: assert.fail };
-    assert.throws(() => handle.insertAll({ bounds: new Float64Array(6000) }), refused("PANIC", /unreachable/));
+    assert.throws(
+      () => handle.insertAll({ bounds: new Float64Array(6000) }),
+      refused("PANIC", /unreachable/),
+    );
   });
 
   test(say("indices are read where they are, and memory does not grow with frames"), () => {

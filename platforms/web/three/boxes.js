@@ -1,30 +1,59 @@
 // Boxes of meshes and instances in the world, with a margin for the single precision of graphics cards.
 //
-// A card multiplies vertices by one matrix after the other. It rounds each product relative to its greatest
-// coordinate: a vertex far from its mesh's origin is put beside its place, also where the mesh's matrix brings
-// it near. The margin is the greatest coordinate on the way, times ROUNDING.
+// A card multiplies vertices by one matrix after the other in single precision: a vertex far from its mesh's
+// origin is put beside its place, also where the mesh's matrix brings it near.
+//
+// How far, with u = 2^-24, the relative error of one rounding. What a product rounds is at most `r` along each
+// axis: the sum of |a| |v| over the numbers a of that row of the matrix and the coordinates v, and the
+// translation.
+//   - A row has 4 terms. Each has a rounded number of the matrix and a rounded multiplication, and at most 3
+//     additions round the sum: 5 u r.
+//   - The last matrix leads to the camera, which may turn all axes into each other. Let c be the lengths of its
+//     columns, those of the mesh's matrix. As vectors, what it makes of coordinates of at most r is at most
+//     R = c . r long. Its translation is the place as the camera sees it, less A v: at most R and the distance
+//     from the eye. The error is 10 u R, and 5 u of the distance, which is far below a pixel.
+//   - An instance has a matrix before that. Its error 5 u r becomes 5 u R, and the last matrix adds 10 u R.
+// So the margin is 16 u R. A mesh that is turned, with all coordinates at c, has 10 u of 3 c at most in any
+// direction, of which one coordinate of the camera gets 10 sqrt(3) u c = 17 u c.
 
 import { Matrix4 } from "three";
 
 /** The box of nothing: the library never hides an object that has it. */
 export const EMPTY = new Float64Array([1, 1, 1, -1, -1, -1]);
 
-/** Relative error of a single-precision number, with room for the few roundings of a product of matrices. */
-const ROUNDING = 2 ** -21;
+/** Greatest error of two products, relative to R of the second: 16 u. See above. */
+const ROUNDING = 2 ** -20;
+/** The same of the products of bones: 30 u, rounded up. See `skinnedBox`. */
+const SKIN_ROUNDING = 2 ** -19;
 /**
- * An occluder is used if single precision places it to this share of its size: a pixel if it fills the
- * picture.
+ * An occluder is used if the card puts it beside its place by at most this share of its size: a pixel of a
+ * picture 1000 pixels high if the eye is as near as 1/8 of its size. Turned vertices of the tests err by an
+ * eighth of the margin at most.
  */
-const PLACED_TO = 1 / 1024;
+const PLACED_TO = 2 ** -13;
+/** The same for its place relative to the scene's origin, in the library's single precision. */
+const KEPT_TO = 2 ** -10;
 
 const boneMatrix = new Matrix4();
 const bounds = new Float64Array(6);
 
-/** Returns the greatest coordinate, without its sign, that a matrix gives to points of at most `reach`. */
-function reachOf(matrix, reach) {
-  const { elements: e } = matrix;
-  const translation = Math.max(Math.abs(e[12]), Math.abs(e[13]), Math.abs(e[14]));
-  return matrix.getMaxScaleOnAxis() * reach + translation;
+/**
+ * Returns the greatest coordinates by axis, without their signs, that a matrix makes of points whose
+ * coordinates are at most `reach`.
+ */
+export function reachOf({ elements: e }, [x, y, z]) {
+  const row = (i) =>
+    Math.abs(e[i]) * x + Math.abs(e[4 + i]) * y + Math.abs(e[8 + i]) * z + Math.abs(e[12 + i]);
+  return [row(0), row(1), row(2)];
+}
+
+/**
+ * Returns how far the card may put points beside their place: `reach` are the greatest coordinates, by axis,
+ * that the mesh's matrix multiplies.
+ */
+export function marginOf({ elements: e }, [x, y, z], rounding = ROUNDING) {
+  const length = (i) => Math.sqrt(e[i] * e[i] + e[i + 1] * e[i + 1] + e[i + 2] * e[i + 2]);
+  return rounding * (length(0) * x + length(4) * y + length(8) * z);
 }
 
 /**
@@ -40,17 +69,17 @@ export function place({ object, shape, many }, i, matrix) {
     reach = reachOf(matrix, reach);
     matrix.premultiply(matrixWorld);
   }
-  return ROUNDING * reach * matrixWorld.getMaxScaleOnAxis();
+  return marginOf(matrixWorld, reach);
 }
 
-/** Whether single precision places what is in a box well enough for an occluder. */
+/** Whether single precision places an occluder in a box well enough. `margin` is that of the card. */
 export function isPlacedWell(boxes, at, margin) {
   let [size, reach] = [0, 0];
   for (let k = at; k < at + 3; k++) {
     size = Math.max(size, boxes[3 + k] - boxes[k]);
     reach = Math.max(reach, Math.abs(boxes[k]), Math.abs(boxes[3 + k]));
   }
-  return Math.max(reach * 2 ** -24, margin) <= PLACED_TO * size;
+  return margin <= PLACED_TO * size && reach * 2 ** -24 <= KEPT_TO * size;
 }
 
 /**
@@ -83,12 +112,13 @@ export function skinnedBox(mesh, { bones, reach }, out, at, origin) {
   }
   const local = new Float64Array([Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity]);
   const bound = reachOf(bindMatrix, reach);
-  let moved = 0;
+  let moved = [0, 0, 0];
   bones.boxes.forEach((box, i) => {
     const bone = skeleton.bones[i];
     if (bone) boneMatrix.multiplyMatrices(bone.matrixWorld, skeleton.boneInverses[i]);
     else boneMatrix.copy(skeleton.boneInverses[i]);
-    moved = Math.max(moved, reachOf(boneMatrix, bound));
+    const reachOfBone = reachOf(boneMatrix, bound);
+    moved = moved.map((x, k) => Math.max(x, reachOfBone[k]));
     boneMatrix.premultiply(bindMatrixInverse).multiply(bindMatrix);
     moveBox(bounds, 0, box, boneMatrix.elements, [0, 0, 0]);
     for (let k = 0; k < 6; k++) {
@@ -97,6 +127,11 @@ export function skinnedBox(mesh, { bones, reach }, out, at, origin) {
       local[k] = k < 3 ? Math.min(local[k], ...ends) : Math.max(local[k], ...ends);
     }
   });
-  const margin = ROUNDING * reachOf(bindMatrixInverse, moved * Math.max(1, bones.greatest));
-  moveBox(out, at, local, matrixWorld.elements, origin, margin * matrixWorld.getMaxScaleOnAxis());
+  // 5 u for each of the three products before the last, 5 u for weights and their sum, 10 u for the last.
+  const weight = Math.max(1, bones.greatest);
+  const last = reachOf(
+    bindMatrixInverse,
+    moved.map((x) => x * weight),
+  );
+  moveBox(out, at, local, matrixWorld.elements, origin, marginOf(matrixWorld, last, SKIN_ROUNDING));
 }

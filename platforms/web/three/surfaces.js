@@ -131,8 +131,10 @@ export class Shape {
     this.drawRange = { ...geometry.drawRange };
     /** Least and greatest corner. Null if the geometry cannot be read. */
     this.box = box ?? (isReadable(position) ? boxOfPoints(position, range) : null);
-    /** Greatest coordinate of a vertex, without its sign. */
-    this.reach = this.box ? Math.max(...this.box.map(Math.abs)) : 0;
+    /** Greatest coordinate of a vertex by axis, without its sign. */
+    this.reach = [0, 1, 2].map((k) =>
+      this.box ? Math.max(Math.abs(this.box[k]), Math.abs(this.box[3 + k])) : 0,
+    );
     /** For skinned meshes: boxes of what each bone moves, made when first needed. */
     this.bones = undefined;
   }

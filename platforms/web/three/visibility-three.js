@@ -11,82 +11,29 @@
 //   4. shadows are drawn, of all casters; then mirrors and the like, of all objects; then what was collected
 //   5. `scene.onAfterRender`
 
-import { BatchedMesh, LOD, Layers, Matrix3, Matrix4, Object3D, WebGPUCoordinateSystem } from "three";
-import { Depth, Flag, VisibilityError, indexOf, load } from "visibility-web";
+import { BatchedMesh, LOD, Matrix4, Object3D } from "three";
+import { Flag, indexOf, load } from "visibility-web";
 import { EMPTY, isPlacedWell, moveBox, place, skinnedBox } from "./boxes.js";
-import { InstanceOrder, canLeaveOut, countOf, leaveOutInstances, leaveOutOfBatch } from "./instances.js";
+import {
+  ALL,
+  Entry,
+  HiddenLayers,
+  Many,
+  NO_IDS,
+  NONE,
+  hasMatrices,
+  isCountedElsewhere,
+  isUnclipped,
+  layersOf,
+  matricesOf,
+  partOf,
+  shapesOf,
+} from "./entries.js";
+import { canLeaveOut, countOf, leaveOutInstances, leaveOutOfBatch } from "./instances.js";
 import { Shape, Surface, Surfaces, bonesOf, sideOf } from "./surfaces.js";
-
-/** Greatest number of clip planes of a view. */
-const MOST_CLIP_PLANES = 10;
+import { setView } from "./view.js";
 
 const matrix = new Matrix4();
-const NO_IDS = new BigUint64Array(0);
-
-/** The layers of what is hidden: no camera shows them. What is written goes to its own layers. */
-class HiddenLayers extends Layers {
-  former = null;
-  get mask() {
-    return this.former.mask;
-  }
-  set mask(mask) {
-    if (this.former) this.former.mask = mask;
-  }
-  test() {
-    return false;
-  }
-}
-
-/** A mesh of the scene, and its objects in the library: one, or one for each instance. */
-class Entry {
-  constructor(object, slot) {
-    // First what each frame looks at, so that it is in one piece of memory.
-    this.object = object;
-    this.frame = -1;
-    /** What the entry was made for; when one of these changes, it is made anew. */
-    this.geometry = null;
-    this.surface = Surface.NeverHidden;
-    this.known = null;
-    /** The shape of all instances; of a `BatchedMesh` that of the first. */
-    this.shape = null;
-    /** Layers that the library has: 0 where the mesh, or what it is part of, is not shown. */
-    this.layers = 0;
-    /** Place of its matrix among those of all entries. */
-    this.slot = slot;
-    /** What holds the matrices of its instances, and the version that the library has. */
-    this.matrices = null;
-    this.version = -1;
-    /** Number of its objects in the library: 0 if the mesh is never hidden. */
-    this.count = 0;
-    /** Whether it stands still, but is no occluder yet. */
-    this.waits = false;
-    /** Index of its object in the library, or of the first of several. */
-    this.index = 0;
-    /** Its layers while it is hidden. */
-    this.hidden = null;
-    this.ids = NO_IDS;
-    /** What there is more of an `InstancedMesh` or a `BatchedMesh`. */
-    this.many = null;
-  }
-}
-
-/** What there is more of a mesh with instances. */
-class Many {
-  constructor(count) {
-    this.count = count;
-    /** For a `BatchedMesh`: part of its geometry, shape and layers of each instance. */
-    this.parts = this.shapes = this.layers = null;
-    /** Indices of the instances in the library. */
-    this.indices = null;
-    /** For an `InstancedMesh`: its instances, those visible first, by renderer that has drawn it in part. */
-    this.orders = new Map();
-  }
-
-  /** Frees what graphics cards have of it. */
-  dispose() {
-    for (const { carrier } of this.orders.values()) carrier.dispose();
-  }
-}
 
 /** See `visibility-three.d.ts`. */
 export class VisibilityCulling {
@@ -208,7 +155,7 @@ export class VisibilityCulling {
     // WebGPURenderer has no planes of its own.
     const planes = (renderer.isWebGLRenderer && renderer.clippingPlanes) || [];
     this.#isClipped = planes.length > 0;
-    if (!this.#look(tools.view, eye, planes)) return;
+    if (!setView(tools.view, eye, this.#origin, planes)) return;
     this.#follow(camera);
     const followed = performance.now();
     const { occluders, visible } = tools.pipeline.cull(this.#followed, tools.view, tools.visible);
@@ -234,35 +181,6 @@ export class VisibilityCulling {
       tools.pipeline = this.#visibility.createPipeline().addFrustum().addZBuffer(width, height);
     }
     return tools;
-  }
-
-  /**
-   * Sets a view to a camera of three.js. False if the camera has no view, such as one whose matrix is NaN, or
-   * one of which it is not known which surfaces it draws.
-   */
-  #look(view, camera, clippingPlanes) {
-    if (clippingPlanes.length > MOST_CLIP_PLANES || !drawsNearestFronts(camera)) return false;
-    const [x, y, z] = this.#origin;
-    matrix.multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
-    const clip = Float64Array.from(matrix.elements);
-    for (let row = 0; row < 4; row++) clip[12 + row] += clip[row] * x + clip[4 + row] * y + clip[8 + row] * z;
-    const isZeroToOne = camera.coordinateSystem === WebGPUCoordinateSystem;
-    const depth = isZeroToOne ? Depth.ZeroToOne : Depth.NegativeOneToOne;
-    try {
-      view.setMatrix(clip, camera.reversedDepth ? Depth.Reversed : depth);
-      const planes = clippingPlanes.map(({ normal: n, constant }) => [
-        n.x,
-        n.y,
-        n.z,
-        constant + n.x * x + n.y * y + n.z * z,
-      ]);
-      view.setClipPlanes(planes);
-    } catch (error) {
-      if (error instanceof VisibilityError && error.code === "ARGUMENT") return false;
-      throw error;
-    }
-    view.setLayers(camera.layers.mask >>> 0);
-    return true;
   }
 
   // Following the scene.
@@ -598,7 +516,6 @@ export class VisibilityCulling {
   #hide(renderer, camera, bits) {
     const active = { camera, masked: [], undo: [], hiddenCount: 0, isCollected: false };
     this.#active = active;
-    this.#last.children = [];
     const isVisible = (index) => (bits[index >>> 5] >>> (index & 31)) & 1;
     const mask = camera.layers.mask >>> 0;
     for (const entry of this.#order) {
@@ -633,8 +550,7 @@ export class VisibilityCulling {
     const isCamera = (camera) => active === this.#active && camera === active.camera;
     if (object.isBatchedMesh) active.undo.push(leaveOutOfBatch(object, hidden, isCamera));
     else {
-      let order = many.orders.get(renderer);
-      if (!order) many.orders.set(renderer, (order = new InstanceOrder(count)));
+      const order = many.orderOf(renderer);
       order.update(object);
       order.sort((i) => isVisible(indices[i]));
       this.#last.children.push(order.carrier);
@@ -660,58 +576,8 @@ export class VisibilityCulling {
     if (!this.#active) return;
     this.#collected();
     for (const { end } of this.#active.undo) end();
+    // Each carrier leads to the graphics card of a renderer.
+    this.#last.children = [];
     this.#active = null;
   }
-}
-
-/** Parts of a geometry that are no parts of a `BatchedMesh`: nothing of it, and all. */
-const [NONE, ALL] = [-1, -2];
-
-/** Returns the part of its geometry that an instance of a `BatchedMesh` has. */
-function partOf({ active, geometryIndex }) {
-  return active ? geometryIndex : NONE;
-}
-
-/** Returns the layers of an instance: none if the user has hidden it. */
-function layersOf({ object, layers, many }, i) {
-  return many?.parts && !(many.parts[i] >= 0 && object._instanceInfo[i].visible) ? 0 : layers;
-}
-
-/** Returns the shapes of an entry, each once for each instance that has it. */
-function shapesOf({ shape, many }) {
-  return many?.shapes ?? [shape];
-}
-
-/** Returns what holds the matrices of instances. */
-function matricesOf({ instanceMatrix, _matricesTexture }) {
-  return instanceMatrix ?? _matricesTexture;
-}
-
-/** Whether matrices of instances can be read: not when they are on the graphics card alone. */
-function hasMatrices({ instanceMatrix }) {
-  return instanceMatrix?.array && !instanceMatrix.isStorageInstancedBufferAttribute;
-}
-
-/** Whether a mesh is drawn at several places, or not at all, by a count that is not looked at here. */
-function isCountedElsewhere({ geometry, isInstancedMesh, count = 1 }) {
-  return geometry.isInstancedBufferGeometry || geometry.indirect || (!isInstancedMesh && count !== 1);
-}
-
-/** Whether a shader draws what planes of the renderer cut. */
-function isUnclipped(material) {
-  return material?.isShaderMaterial && !material.clipping;
-}
-
-/**
- * Whether a camera draws the fronts of meshes, and the nearest of them: by these, occluders hide. A mirrored
- * camera draws the backs, since three.js looks at the matrix of the mesh alone. Where the eye is beyond the near
- * plane, depth shrinks with the distance.
- */
-function drawsNearestFronts({ projectionMatrix, matrixWorldInverse, reversedDepth }) {
-  const e = projectionMatrix.elements;
-  // Of x, y and w: below 0 for perspectives that are not mirrored, 0 for parallel projections.
-  const picture = new Matrix3().set(e[0], e[4], e[8], e[1], e[5], e[9], e[3], e[7], e[11]).determinant();
-  const depth = projectionMatrix.determinant() * (reversedDepth ? -1 : 1);
-  const side = matrixWorldInverse.determinant();
-  return picture * side <= 0 && depth * side < 0;
 }

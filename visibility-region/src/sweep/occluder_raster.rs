@@ -23,7 +23,8 @@ const SIDE_WORK: u64 = 80;
 pub(crate) enum Drawn {
     /// The occluder was not drawn: it cannot cover a further pixel, or is too imprecise.
     LeftOut,
-    /// The occluder was drawn, and covers no pixel that was not set before.
+    /// The occluder was drawn, and covers no pixel that was not set before; or a projected position is too
+    /// far away for its precision.
     Nothing,
     /// The occluder has added pixels to the map.
     Pixels,

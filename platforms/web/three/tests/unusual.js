@@ -4,10 +4,13 @@
 
 import assert from "node:assert/strict";
 import test from "node:test";
+import { setFlagsFromString } from "node:v8";
+import { runInNewContext } from "node:vm";
 import * as THREE from "three";
 import { load } from "visibility-web";
+import { place } from "../boxes.js";
 import { buffersOf, render } from "./renderer.js";
-import { BOX, culled, fourBoxes, grey, isLampDrawn, perspective, street } from "./scenes.js";
+import { BOX, culled, fourBoxes, grey, isLampDrawn, perspective, randomOf, street } from "./scenes.js";
 
 const isDrawn = (scene, camera, object) => render(scene, camera).drawn.has(object, 0);
 const at = (x, y, z) => new THREE.Matrix4().makeTranslation(x, y, z);
@@ -312,16 +315,87 @@ test("vertices far from their mesh's origin are where single precision puts them
     }
     assert.ok(seen > 0, `${name}: ${seen} lamps that the card draws above the wall`);
   }
-  // What the card puts beside its place by more than a pixel hides nothing.
+  // What the card puts beside its place by more than a small share of its size hides nothing.
   for (const [far, isHidden] of [
     [2 ** 22, false],
-    [2 ** 10, true],
+    [2 ** 13, false],
+    [2 ** 9, true],
   ]) {
     const wall = new THREE.Mesh(BOX.clone().translate(0, far, 0), grey());
     const made = street({ wall });
     wall.scale.set(60, 1, 1);
     wall.position.y = -far;
     assert.equal(await isLampDrawn(made), !isHidden, `a wall whose vertices are ${far} away`);
+  }
+});
+
+test("a large wall near the eye hides what the card draws behind it alone", async () => {
+  // Vertices 240 km from the mesh's origin: the card moves the top of the wall by up to 8 mm, 1 m away.
+  const FAR = 240000;
+  const geometry = BOX.clone()
+    .scale(250, 250, 1)
+    .translate(0, FAR - 125, 0);
+  let seen = 0;
+  for (let k = 0; k < 100; k++) {
+    // By the eye's height, the card and the library round the wall's place to different heights.
+    const [eye, height] = [0.0037 * k, 0.2 + 1e-3 * k];
+    const wall = new THREE.Mesh(geometry, grey());
+    const made = street({ wall });
+    made.camera.position.y = eye;
+    made.camera.updateMatrixWorld();
+    wall.scale.setScalar(1);
+    wall.position.set(0, eye + height - FAR, -1.5);
+    wall.updateMatrixWorld();
+    const seenByCard = made.camera.matrixWorldInverse.clone().multiply(wall.matrixWorld);
+    const top = heightOnCard(geometry, seenByCard);
+    if (!(height - top > 4e-3)) continue;
+    seen++;
+    made.lamp.scale.set(1, 1, 0.01);
+    made.lamp.position.set(0, eye + 20 * (top + 5e-4) - 0.5, -20);
+    const culling = await culled(made.scene, made.camera, { zBuffer: { width: 2048, height: 1152 } });
+    render(made.scene, made.camera);
+    const message = `a lamp over a wall at ${top} on the card, and ${height} without rounding`;
+    assert.ok(isDrawn(made.scene, made.camera, made.lamp), message);
+    culling.dispose();
+  }
+  assert.ok(seen > 10, `${seen} lamps that the card draws above the wall`);
+});
+
+test("the margin holds what single precision makes of turned vertices", () => {
+  const random = randomOf(5);
+  const between = (a, b) => a + (b - a) * random();
+  const turned = () => {
+    const [w, x, y, z] = [0, 1, 2, 3].map(() => between(-1, 1));
+    return new THREE.Matrix4().makeRotationFromQuaternion(new THREE.Quaternion(x, y, z, w).normalize());
+  };
+  const product = (round, { elements }, [x, y, z]) =>
+    [0, 1, 2].map((r) =>
+      [x, y, z, 1].reduce((sum, v, c) => round(sum + round(round(elements[r + 4 * c]) * v)), 0),
+    );
+  const exact = (x) => x;
+  for (const isInstance of [false, true]) {
+    let most = 0;
+    for (let i = 0; i < 20000; i++) {
+      const point = [0, 1, 2].map(() => Math.fround(between(0.9, 1) * (random() < 0.5 ? -1 : 1)));
+      const [matrix, own] = [turned(), turned()];
+      // Matrices of instances are kept in single precision.
+      own.elements = own.elements.map(Math.fround);
+      const middle = isInstance ? product(exact, own, point) : point;
+      // The vertex is before the camera, which is where the world has its origin.
+      matrix.setPosition(...product(exact, matrix, middle).map((x) => between(-0.01, 0.01) - x));
+      const right = product(exact, matrix, middle);
+      const drawn = product(Math.fround, matrix, isInstance ? product(Math.fround, own, point) : point);
+      const error = Math.hypot(...drawn.map((x, k) => x - right[k]));
+      const many = isInstance ? {} : null;
+      const object = { matrixWorld: matrix, getMatrixAt: (_, out) => out.copy(own) };
+      const margin = place({ object, shape: { reach: point.map(Math.abs) }, many }, 0, new THREE.Matrix4());
+      most = Math.max(most, error / margin);
+    }
+    assert.ok(
+      most <= 1,
+      `${isInstance ? "an instance" : "a mesh"} is ${most} of the margin beside its place`,
+    );
+    assert.ok(most > 0.08, `the errors reach ${most} of the margin`);
   }
 });
 
@@ -388,6 +462,24 @@ test("buffers of instances are freed with their mesh, their number and the culli
   assert.deepEqual([drawn(), added()], [2, 5], "added again");
   culling.dispose();
   assert.equal(added(), 3, "disposed of");
+});
+
+test("a renderer that is not used any more is collected", async () => {
+  setFlagsFromString("--expose-gc");
+  const collectGarbage = runInNewContext("gc");
+  const { scene, boxes, camera } = fourBoxes();
+  const culling = await culled(scene, camera);
+  const drawWithOwnRenderer = () => {
+    const renderer = { isWebGLRenderer: true, clippingPlanes: [] };
+    assert.equal(render(scene, camera, { renderer }).drawn.count(boxes), 3);
+    return new WeakRef(renderer);
+  };
+  const ref = drawWithOwnRenderer();
+  // A weak reference holds its target until the present task ends.
+  await new Promise((resolve) => setTimeout(resolve));
+  collectGarbage();
+  assert.equal(ref.deref(), undefined);
+  culling.dispose();
 });
 
 test("a batch that grows is not read anew, and its occluders are freed with it", async () => {

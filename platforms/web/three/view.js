@@ -1,0 +1,52 @@
+// The library's view of a camera of three.js: its matrices, its depth convention, and the renderer's clip planes.
+
+import { Matrix3, Matrix4, WebGPUCoordinateSystem } from "three";
+import { Depth, VisibilityError } from "visibility-web";
+
+/** Greatest number of clip planes of a view. */
+const MOST_CLIP_PLANES = 10;
+
+const matrix = new Matrix4();
+
+/**
+ * Sets a view to a camera of three.js. False if the camera has no view, such as one whose matrix is NaN, or
+ * one of which it is not known which surfaces it draws.
+ */
+export function setView(view, camera, origin, clippingPlanes) {
+  if (clippingPlanes.length > MOST_CLIP_PLANES || !drawsNearestFronts(camera)) return false;
+  const [x, y, z] = origin;
+  matrix.multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
+  const clip = Float64Array.from(matrix.elements);
+  for (let row = 0; row < 4; row++) clip[12 + row] += clip[row] * x + clip[4 + row] * y + clip[8 + row] * z;
+  const isZeroToOne = camera.coordinateSystem === WebGPUCoordinateSystem;
+  const depth = isZeroToOne ? Depth.ZeroToOne : Depth.NegativeOneToOne;
+  try {
+    view.setMatrix(clip, camera.reversedDepth ? Depth.Reversed : depth);
+    const planes = clippingPlanes.map(({ normal: n, constant }) => [
+      n.x,
+      n.y,
+      n.z,
+      constant + n.x * x + n.y * y + n.z * z,
+    ]);
+    view.setClipPlanes(planes);
+  } catch (error) {
+    if (error instanceof VisibilityError && error.code === "ARGUMENT") return false;
+    throw error;
+  }
+  view.setLayers(camera.layers.mask >>> 0);
+  return true;
+}
+
+/**
+ * Whether a camera draws the fronts of meshes, and the nearest of them: by these, occluders hide. A mirrored
+ * camera draws the backs, since three.js looks at the matrix of the mesh alone. Where the eye is beyond the near
+ * plane, depth shrinks with the distance.
+ */
+function drawsNearestFronts({ projectionMatrix, matrixWorldInverse, reversedDepth }) {
+  const e = projectionMatrix.elements;
+  // Of x, y and w: below 0 for perspectives that are not mirrored, 0 for parallel projections.
+  const picture = new Matrix3().set(e[0], e[4], e[8], e[1], e[5], e[9], e[3], e[7], e[11]).determinant();
+  const depth = projectionMatrix.determinant() * (reversedDepth ? -1 : 1);
+  const side = matrixWorldInverse.determinant();
+  return picture * side <= 0 && depth * side < 0;
+}
