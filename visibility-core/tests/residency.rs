@@ -43,7 +43,7 @@ fn slabs(count: usize) -> (Scene, Vec<ObjectId>) {
 #[test]
 fn random_updates_keep_to_budget_and_limit_and_never_drop_what_may_be_visible() {
     let mut random = Random(3);
-    let (mut dropped, mut spared, mut late) = (0, 0, 0);
+    let (mut dropped, mut spared, mut late, mut idle) = (0, 0, 0, 0);
     for round in 0..40 {
         let (mut scene, mut ids) = slabs(60);
         let sizes: Vec<u64> = ids.iter().map(|_| 1 + random.below(50) as u64).collect();
@@ -79,6 +79,10 @@ fn random_updates_keep_to_budget_and_limit_and_never_drop_what_may_be_visible() 
                 assert_eq!(memory.insert(load.object, load.bytes), None, "{case}: {} twice", load.object);
                 loaded += load.bytes;
             }
+            let is_idle = residency.loads().is_empty();
+            let needless = residency.drops().iter().find(|drop| is_idle && scene.contains(drop.object));
+            assert_eq!(needless, None, "{case}: dropped for no load");
+            idle += usize::from(is_idle && budget > 0);
             assert_eq!(residency.bytes(), memory.values().sum(), "{case}: bytes in memory");
             assert!(residency.bytes() <= limit, "{case}: the limit is {limit}");
             assert!(loaded < granted + 50, "{case}: {loaded} bytes loaded of {granted}");
@@ -90,6 +94,7 @@ fn random_updates_keep_to_budget_and_limit_and_never_drop_what_may_be_visible() 
         }
     }
     assert!(dropped > 500 && spared > 5000 && late > 300, "{dropped} dropped, {spared} spared, {late} late");
+    assert!(idle > 100, "{idle} updates without loads that had a budget");
 }
 
 #[test]
@@ -171,6 +176,39 @@ fn objects_that_are_never_culled_or_do_not_fit_hold_up_nothing() {
     assert_eq!((residency.loads().len(), residency.bytes()), (1, u64::MAX), "no overflow");
     residency.update(&scene, &mut sets, &[place(0.0)], |_| 1, u64::MAX);
     assert_eq!(residency.loads(), [], "the memory is full");
+}
+
+#[test]
+fn an_object_that_finds_no_room_costs_nothing_and_holds_up_no_other() {
+    let (scene, ids) = slabs(12);
+    // From place 0 the first two are seen, from place 1 all but these and the last one. The second is large.
+    let mut sets = Given::default();
+    sets.0.insert(0, ids[2..].to_vec());
+    sets.0.insert(1, vec![ids[0], ids[1], ids[11]]);
+    let mut residency = Residency::new(100);
+    let (mut asked, mut large) = (0, 101);
+    let mut update = |sets: &mut Given, large| {
+        let size = |id: ObjectId| {
+            asked += 1;
+            if id == ids[1] { large } else { 10 }
+        };
+        residency.update(&scene, sets, &[place(0.0), place(1.0)], size, 1000);
+        (objects(residency.loads()), objects(residency.drops()), residency.is_complete())
+    };
+    let (mut loads, drops, is_complete) = update(&mut sets, large);
+    loads.sort_unstable_by_key(|id| id.index());
+    assert_eq!(loads, [&ids[..1], &ids[2..11]].concat(), "all but the one that is larger than the memory");
+    assert!(drops.is_empty() && !is_complete, "one is missing");
+    large = 95;
+    assert_eq!(update(&mut sets, large), (vec![], vec![], false), "90 bytes may go, and 95 are needed");
+    // Now the last one is seen, too, after the large one.
+    sets.0.insert(0, ids[2..11].to_vec());
+    assert_eq!(update(&mut sets, large), (vec![ids[11]], vec![ids[10]], false), "10 bytes go for 10");
+    large = 80;
+    let (loads, drops, is_complete) = update(&mut sets, large);
+    assert_eq!((loads, drops.len(), is_complete), (vec![ids[1]], 8, true), "80 bytes go for 80");
+    assert!(drops.iter().all(|id| ids[2..10].contains(id)), "those needed later go: {drops:?}");
+    assert!(asked < 4 * 2 * 12, "sizes were asked {asked} times");
 }
 
 /// Returns a scene of 40 objects far from a grid of 4 x 4 viewcells of 2 m, whose rows are random.
