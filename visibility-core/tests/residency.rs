@@ -203,6 +203,15 @@ fn an_object_that_finds_no_room_costs_nothing_and_holds_up_no_other() {
     let (loads, drops, is_complete) = update(&mut sets, 80);
     assert_eq!((loads, drops.len(), is_complete), (vec![ids[1]], 8, true), "80 bytes go for 80");
     assert!(drops.iter().all(|id| ids[2..10].contains(id)), "those needed later go: {drops:?}");
+    let mut residency = Residency::new(50);
+    let size = |id: ObjectId| if id == ids[0] { 51 } else { 50 };
+    residency.update(&scene, &mut sets, &[place(0.0)], size, 1000);
+    assert_eq!(objects(residency.loads()), [ids[1]], "what is as large as the memory fits");
+    let mut alike = Scene::new();
+    let ids = alike.insert_batch([Aabb::from_arrays([9.0; 3], [10.0; 3]); 9]);
+    let mut residency = Residency::new(50);
+    residency.update(&alike, &mut Given::default(), &[place(0.0)], |_| 10, 1000);
+    assert_eq!(objects(residency.loads()), ids[..5], "equal ones come by index");
 }
 
 /// Returns a scene of 40 objects far from a grid of 4 x 4 viewcells of 2 m, whose rows are random.
@@ -477,6 +486,8 @@ fn a_set_that_is_replaced_and_boxes_in_turn_have_their_own_answers() {
     let places = [0.5, 3.5].map(|x| [DVec3::new(x, 0.5, 0.5), DVec3::new(x + 0.1, 1.0, 1.0)]);
     let outside = [DVec3::splat(1.0), DVec3::splat(1.6)];
     for expected in [[0, 1], [1, 0]] {
+        // The last place of the set before, whose viewcells are the same.
+        assert_eq!(seen_from(&scene, &mut culler, places[1]), Some(vec![expected[1]]), "a new set");
         for _ in 0..2 {
             for (place, seen) in places.into_iter().zip(expected) {
                 assert_eq!(seen_from(&scene, &mut culler, place), Some(vec![seen]), "{place:?}");

@@ -29,11 +29,12 @@ const NOWHERE: u32 = u32::MAX;
 /// keeps to a limit.
 ///
 /// An update is given *places*: the box that the eye is in, then boxes that it may be in later, soonest
-/// first. An object is needed at the first place from which it is not hidden. Objects needed sooner are
+/// first. Each box must hold all points at which lines of sight begin, since what is seen from these is
+/// drawn: the eye, and the corners of the near plane. An object is needed at the first place from which it is not hidden. Objects needed sooner are
 /// loaded before objects needed later, and among these the one with the greatest [`importance`] from the
 /// place comes first. Equal ones come by [index](ObjectId::index).
 ///
-/// An object is dropped only for the memory that a more urgent one needs: first the objects that are hidden
+/// An object is dropped only for the memory of a more urgent one that is loaded in the same update: first the objects that are hidden
 /// from all places, the least important one first, then those needed last. An object that may be visible from
 /// the first place is never dropped. If the sets do not know what is hidden from a place, all objects may be
 /// needed there: from the first place this loads objects that no set asks for, by their importance, and drops
@@ -42,8 +43,9 @@ const NOWHERE: u32 = u32::MAX;
 ///
 /// # Cost
 /// An update takes some nanoseconds for each object of the scene and each place, besides what the sets take,
-/// and sorts the objects that are needed and not in memory. Once memory is as large as needed, an update
-/// allocates nothing.
+/// and a logarithmic time for each object that is loaded. While memory is full, an update also asks the size
+/// of each object that is needed and missing, and sorts the objects in memory that may be dropped. Once its
+/// scratch memory is large enough, an update allocates nothing, besides what the sets allocate.
 ///
 /// ```
 /// use visibility_core::pvs::{Pvs, PvsCuller, PvsTargets, Residency, ScenePvs, Viewcell, Viewcells};
@@ -141,13 +143,15 @@ impl Residency {
 
     /// Finds what to [load](Self::loads) and to [drop](Self::drops) now, and counts it as loaded and dropped.
     /// `places` are boxes in world space, each given by its minimum and its maximum in metres. `size` gives
-    /// the bytes of an object that is to be loaded. All updates are for the same scene.
+    /// the bytes of an object that is not in memory, and may be called several times for one object. All
+    /// updates are for the same scene.
     ///
     /// Loads take up to `budget` bytes in the order of their urgency. The last one may exceed the budget;
     /// what it takes more is subtracted from the next budgets, so that objects of any size are loaded. An
-    /// object larger than the limit of the memory is left out. The first object for which nothing more may be
-    /// dropped ends the loads. Objects that were removed from the scene are always dropped. Without places
-    /// nothing else is loaded or dropped.
+    /// object that finds no room is passed over, and nothing is dropped for it: it is larger than the limit,
+    /// or all that may be dropped for it is too little. Less urgent objects that find room are loaded.
+    /// Objects that were removed from the scene are always dropped. Without places nothing else is loaded or
+    /// dropped.
     pub fn update(
         &mut self,
         scene: &Scene,
@@ -242,7 +246,11 @@ impl Residency {
             let place = self.needed[id.index()].min(unknown);
             if place > 0 {
                 let [min, max] = places.get(place as usize).copied().unwrap_or(first);
-                self.droppable.push(Ranked { place, importance: importance(scene, id, min, max), object: id });
+                self.droppable.push(Ranked {
+                    place,
+                    importance: importance(scene, id, min, max),
+                    object: id,
+                });
             }
         }
         self.droppable.sort_unstable_by(|a, b| b.cmp(a));
