@@ -142,8 +142,8 @@ fn motion(world: &World, frame: usize) -> (DVec3, DVec3) {
 }
 
 /// Returns a distance in metres from the eye within which lines of sight begin: that of the corners of the
-/// near plane in the walk with the widest view, and at least twice that of the near plane, which is enough for
-/// views of up to 80 degrees.
+/// near plane in the walk with the widest view, and at least twice the distance of the near plane. Twice is
+/// enough for views of up to 80 degrees.
 fn reach(world: &World) -> f64 {
     let widest = world.source.walks.iter().map(|walk| f64::from(walk.fov_y_degrees)).fold(0.0, f64::max);
     let aspect = f64::from(world.size.0) / f64::from(world.size.1);

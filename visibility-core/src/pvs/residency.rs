@@ -30,16 +30,16 @@ const NOWHERE: u32 = u32::MAX;
 ///
 /// An update is given *places*: the box that the eye is in, then boxes that it may be in later, soonest
 /// first. Each box must hold all points at which lines of sight begin, since what is seen from these is
-/// drawn: the eye, and the corners of the near plane. An object is needed at the first place from which it is not hidden. Objects needed sooner are
-/// loaded before objects needed later, and among these the one with the greatest [`importance`] from the
-/// place comes first. Equal ones come by [index](ObjectId::index).
+/// drawn: the eye, and the corners of the near plane. An object is needed at the first place from which it is
+/// not hidden. Objects needed sooner are loaded before objects needed later, and among these the one with the
+/// greatest [`importance`] from the place comes first. Equal ones come by [index](ObjectId::index).
 ///
-/// An object is dropped only for the memory of a more urgent one that is loaded in the same update: first the objects that are hidden
-/// from all places, the least important one first, then those needed last. An object that may be visible from
-/// the first place is never dropped. If the sets do not know what is hidden from a place, all objects may be
-/// needed there: from the first place this loads objects that no set asks for, by their importance, and drops
-/// none. An unknown later place loads nothing, and lets an object be dropped only for one that is needed
-/// sooner.
+/// An object is dropped only for the memory of a more urgent one that is loaded in the same update: first the
+/// objects that are hidden from all places, the least important one first, then those needed last. An object
+/// that may be visible from the first place is never dropped. If the sets do not know what is hidden from a
+/// place, all objects may be needed there: from the first place this loads objects that no set asks for, by
+/// their importance, and drops none. An unknown later place loads nothing, and lets an object be dropped only
+/// for one that is needed sooner.
 ///
 /// # Cost
 /// An update takes some nanoseconds for each object of the scene and each place, besides what the sets take,
