@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use visibility_core::bits::Bits;
+use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{
     HiddenSets, Pvs, PvsCuller, PvsTargets, Residency, ScenePvs, Transfer, Viewcell, Viewcells,
@@ -43,7 +44,7 @@ fn slabs(count: usize) -> (Scene, Vec<ObjectId>) {
 #[test]
 fn random_updates_keep_to_budget_and_limit_and_never_drop_what_may_be_visible() {
     let mut random = Random(3);
-    let (mut dropped, mut spared, mut late) = (0, 0, 0);
+    let (mut dropped, mut spared, mut late, mut idle) = (0, 0, 0, 0);
     for round in 0..40 {
         let (mut scene, mut ids) = slabs(60);
         let sizes: Vec<u64> = ids.iter().map(|_| 1 + random.below(50) as u64).collect();
@@ -79,6 +80,10 @@ fn random_updates_keep_to_budget_and_limit_and_never_drop_what_may_be_visible() 
                 assert_eq!(memory.insert(load.object, load.bytes), None, "{case}: {} twice", load.object);
                 loaded += load.bytes;
             }
+            let is_idle = residency.loads().is_empty();
+            let needless = residency.drops().iter().find(|drop| is_idle && scene.contains(drop.object));
+            assert_eq!(needless, None, "{case}: dropped for no load");
+            idle += usize::from(is_idle && budget > 0);
             assert_eq!(residency.bytes(), memory.values().sum(), "{case}: bytes in memory");
             assert!(residency.bytes() <= limit, "{case}: the limit is {limit}");
             assert!(loaded < granted + 50, "{case}: {loaded} bytes loaded of {granted}");
@@ -90,6 +95,7 @@ fn random_updates_keep_to_budget_and_limit_and_never_drop_what_may_be_visible() 
         }
     }
     assert!(dropped > 500 && spared > 5000 && late > 300, "{dropped} dropped, {spared} spared, {late} late");
+    assert!(idle > 100, "{idle} updates without loads that had a budget");
 }
 
 #[test]
@@ -171,6 +177,41 @@ fn objects_that_are_never_culled_or_do_not_fit_hold_up_nothing() {
     assert_eq!((residency.loads().len(), residency.bytes()), (1, u64::MAX), "no overflow");
     residency.update(&scene, &mut sets, &[place(0.0)], |_| 1, u64::MAX);
     assert_eq!(residency.loads(), [], "the memory is full");
+}
+
+#[test]
+fn an_object_that_finds_no_room_costs_nothing_and_holds_up_no_other() {
+    let (scene, ids) = slabs(12);
+    // From place 0 the first two are seen, from place 1 all but these and the last one. The second is large.
+    let mut sets = Given::default();
+    sets.0.insert(0, ids[2..].to_vec());
+    sets.0.insert(1, vec![ids[0], ids[1], ids[11]]);
+    let mut residency = Residency::new(100);
+    let mut update = |sets: &mut Given, large| {
+        let size = |id: ObjectId| if id == ids[1] { large } else { 10 };
+        residency.update(&scene, sets, &[place(0.0), place(1.0)], size, 1000);
+        (objects(residency.loads()), objects(residency.drops()), residency.is_complete())
+    };
+    let (mut loads, drops, is_complete) = update(&mut sets, 101);
+    loads.sort_unstable_by_key(|id| id.index());
+    assert_eq!(loads, [&ids[..1], &ids[2..11]].concat(), "all but the one that is larger than the memory");
+    assert!(drops.is_empty() && !is_complete, "one is missing");
+    assert_eq!(update(&mut sets, 95), (vec![], vec![], false), "90 bytes may go, and 95 are needed");
+    // Now the last one is seen, too, after the large one.
+    sets.0.insert(0, ids[2..11].to_vec());
+    assert_eq!(update(&mut sets, 95), (vec![ids[11]], vec![ids[10]], false), "10 bytes go for 10");
+    let (loads, drops, is_complete) = update(&mut sets, 80);
+    assert_eq!((loads, drops.len(), is_complete), (vec![ids[1]], 8, true), "80 bytes go for 80");
+    assert!(drops.iter().all(|id| ids[2..10].contains(id)), "those needed later go: {drops:?}");
+    let mut residency = Residency::new(50);
+    let size = |id: ObjectId| if id == ids[0] { 51 } else { 50 };
+    residency.update(&scene, &mut sets, &[place(0.0)], size, 1000);
+    assert_eq!(objects(residency.loads()), [ids[1]], "what is as large as the memory fits");
+    let mut alike = Scene::new();
+    let ids = alike.insert_batch([Aabb::from_arrays([9.0; 3], [10.0; 3]); 9]);
+    let mut residency = Residency::new(50);
+    residency.update(&alike, &mut Given::default(), &[place(0.0)], |_| 10, 1000);
+    assert_eq!(objects(residency.loads()), ids[..5], "equal ones come by index");
 }
 
 /// Returns a scene of 40 objects far from a grid of 4 x 4 viewcells of 2 m, whose rows are random.
@@ -262,20 +303,22 @@ fn a_baked_set_knows_nothing_if_an_occluder_may_be_absent() {
 fn a_box_sees_what_a_viewcell_in_its_middle_sees() {
     let mut scene = Scene::new();
     let far = scene.insert(Aabb::from_arrays([90.0; 3], [91.0; 3]));
-    let cells = (0..27).map(|i| {
-        let min = DVec3::new(f64::from(i % 3), f64::from(i / 3 % 3), f64::from(i / 9));
-        Viewcell::from_box(min, min + 1.0)
-    });
     let rows: Vec<Vec<u32>> = (0..27).map(|i| if i == 13 { vec![0] } else { vec![] }).collect();
-    let pvs = Pvs::new(PvsTargets::Objects, 1, &rows, |_| []).unwrap();
-    let sets = ScenePvs::new(&scene, pvs, Viewcells::new(cells), [(far, 0)]);
-    let is_hidden = |min: f64, max: f64| {
-        let mut hidden = Bits::EMPTY;
-        let [min, max] = [min, max].map(DVec3::splat);
-        assert!(PvsCuller::new(&sets).write_hidden(&scene, min, max, &mut hidden), "from {min} to {max}");
-        hidden.contains(far.index())
-    };
-    assert_eq!([is_hidden(0.1, 0.9), is_hidden(0.5, 2.5)], [true, false], "a corner, and around the middle");
+    // A plane that cuts nothing off: such viewcells are tested at the sides of the box.
+    for planes in [vec![], vec![Plane::new(DVec3::X, 9.0)]] {
+        let cells = (0..27).map(|i| {
+            let min = DVec3::new(f64::from(i % 3), f64::from(i / 3 % 3), f64::from(i / 9));
+            Viewcell { planes: planes.clone(), ..Viewcell::from_box(min, min + 1.0) }
+        });
+        let pvs = Pvs::new(PvsTargets::Objects, 1, &rows, |_| []).unwrap();
+        let sets = ScenePvs::new(&scene, pvs, Viewcells::new(cells), [(far, 0)]);
+        let mut culler = PvsCuller::new(&sets);
+        let mut seen = |min: f64, max: f64| {
+            seen_from(&scene, &mut culler, [min, max].map(DVec3::splat)).map(|seen| seen.len())
+        };
+        assert_eq!(seen(0.1, 0.9), Some(0), "a corner, {planes:?}");
+        assert_eq!(seen(0.5, 2.5), Some(1), "around the middle, {planes:?}");
+    }
 }
 
 #[test]
@@ -302,4 +345,156 @@ fn what_reaches_into_the_box_is_not_hidden_in_a_gap_between_viewcells() {
         [false, true],
         "in the gap, and beside"
     );
+}
+
+/// Returns a set in which viewcell `i` sees the object of index `i` alone, and the scene: its origin is
+/// `origin`, and the objects are some 100 m from it.
+fn one_object_each(cells: Viewcells, origin: DVec3) -> (Scene, ScenePvs) {
+    let mut scene = Scene::new();
+    scene.set_origin(origin).unwrap();
+    let count = cells.cells().len();
+    let far = |i: usize| Aabb::from_arrays([100.0, i as f32, 0.0], [101.0, i as f32, 1.0]);
+    let ids = scene.insert_batch((0..count).map(far));
+    let rows: Vec<[u32; 1]> = (0..count as u32).map(|i| [i]).collect();
+    let pvs = Pvs::new(PvsTargets::Objects, count, &rows, |_| []).unwrap();
+    let sets = ScenePvs::new(&scene, pvs, cells, ids.into_iter().zip(0..));
+    (scene, sets)
+}
+
+/// Returns the indices of the objects that are seen from a box. `None` if the answer is not known.
+fn seen_from(scene: &Scene, culler: &mut PvsCuller<&ScenePvs>, [min, max]: [DVec3; 2]) -> Option<Vec<usize>> {
+    let mut hidden = Bits::EMPTY;
+    let is_known = culler.write_hidden(scene, min, max, &mut hidden);
+    is_known.then(|| scene.ids().map(|id| id.index()).filter(|index| !hidden.contains(*index)).collect())
+}
+
+/// Origins of scenes, in metres.
+const ORIGINS: [DVec3; 3] = [DVec3::ZERO, DVec3::splat(1e6), DVec3::new(-1e6, 3.1e6, -0.1)];
+
+#[test]
+fn an_object_is_in_the_box_up_to_the_step_beside_it() {
+    for origin in ORIGINS {
+        let mut scene = Scene::new();
+        scene.set_origin(origin).unwrap();
+        let one = 1.0f32;
+        let places = [(one.next_down(), true), (one, true), (one.next_up().next_up(), false)];
+        let mut expected = Vec::new();
+        for (axis, (near, is_inside)) in (0..3).flat_map(|axis| places.map(|place| (axis, place))) {
+            // Beyond the greater side, beyond the lesser side, and around the box on the other axes.
+            let (mut min, mut max) = ([-5.0; 3], [5.0; 3]);
+            (min[axis], max[axis]) = (near, 2.0);
+            expected.push((scene.insert(Aabb::from_arrays(min, max)), is_inside));
+            (min[axis], max[axis]) = (-2.0, -near);
+            expected.push((scene.insert(Aabb::from_arrays(min, max)), is_inside));
+        }
+        let pvs = Pvs::new(PvsTargets::Objects, expected.len(), &[vec![]; 1], |_| []).unwrap();
+        let cells = Viewcells::new([Viewcell::from_box(origin - 9.0, origin + 9.0)]);
+        let sets = ScenePvs::new(&scene, pvs, cells, expected.iter().map(|&(id, _)| id).zip(0..));
+        let mut hidden = Bits::EMPTY;
+        let [min, max] = [origin - 1.0, origin + 1.0];
+        assert!(PvsCuller::new(&sets).write_hidden(&scene, min, max, &mut hidden), "origin {origin}");
+        for (id, is_inside) in expected {
+            let bounds = scene.bounds(id).unwrap();
+            assert_eq!(hidden.contains(id.index()), !is_inside, "origin {origin}: {id} with {bounds:?}");
+        }
+    }
+}
+
+#[test]
+fn viewcells_with_planes_are_reached_and_cover_up_to_their_planes() {
+    let mut random = Random(5);
+    for origin in ORIGINS {
+        // Two prisms of a cube of 2 m, and the same cube without the second.
+        let normal = DVec3::new(3.0, 4.0, 0.5);
+        let plane = Plane::new(normal, -normal.dot(origin + 1.0));
+        let half = |plane| Viewcell { planes: vec![plane], ..Viewcell::from_box(origin, origin + 2.0) };
+        let halves = [half(plane), half(plane.flipped())];
+        let (scene, both) = one_object_each(Viewcells::new(halves.clone()), origin);
+        let (other, first) = one_object_each(Viewcells::new(halves.into_iter().take(1)), origin);
+        let (mut both, mut first) = (PvsCuller::new(&both), PvsCuller::new(&first));
+        let mut counts = [0; 3];
+        for _ in 0..300 {
+            let mut point = || DVec3::new(random.unit(), random.unit(), random.unit()) * 2.0;
+            let [a, b] = [(); 2].map(|_| origin + point());
+            let sides = [a.min(b), a.max(b)];
+            // Distances of the two extreme corners, in the direction of the normal, whose length is 5.
+            let [low, high] = sides.map(|corner| normal.dot(corner - origin - 1.0));
+            let case = format!("from {} to {}", sides[0], sides[1]);
+            let expected = match () {
+                () if low > 1e-6 => [Some(vec![0]), Some(vec![0])],
+                () if high < -1e-6 => [Some(vec![1]), None],
+                () if low < -1e-6 && high > 1e-6 => [Some(vec![0, 1]), None],
+                () => continue,
+            };
+            counts[expected[0].as_ref().map_or(0, |seen| seen.iter().sum::<usize>() + seen.len() - 1)] += 1;
+            let answers = [seen_from(&scene, &mut both, sides), seen_from(&other, &mut first, sides)];
+            assert_eq!(answers, expected, "{case}");
+        }
+        assert!(counts[0] > 20 && counts[1] > 20 && counts[2] > 20, "{counts:?} boxes of each kind");
+    }
+}
+
+#[test]
+fn what_is_nearer_than_the_misplacement_of_viewcells_is_touched_and_leaves_no_gap() {
+    for origin in ORIGINS {
+        let slab = |from: f64, to: f64| {
+            Viewcell::from_box(origin + DVec3::X * from, origin + DVec3::new(to, 2.0, 2.0))
+        };
+        let of = |second: f64| {
+            let cells = [slab(0.0, 1.0), slab(second, 2.0)];
+            one_object_each(Viewcells::of_divided_box(cells, origin, origin + 2.0, 0.01), origin)
+        };
+        let seen = |(scene, sets): &(Scene, ScenePvs), from: f64, to: f64| {
+            let sides = [DVec3::new(from, 0.5, 0.5), DVec3::new(to, 1.5, 1.5)].map(|corner| origin + corner);
+            seen_from(scene, &mut PvsCuller::new(sets), sides)
+        };
+        let joined = of(1.0);
+        assert_eq!(seen(&joined, 0.2, 0.989), Some(vec![0]), "{origin}: farther from the second");
+        assert_eq!(seen(&joined, 0.2, 0.991), Some(vec![0, 1]), "{origin}: nearer to the second");
+        assert_eq!(seen(&of(1.019), 0.2, 1.8), Some(vec![0, 1]), "{origin}: a gap of less than .02");
+        assert_eq!(seen(&of(1.021), 0.2, 1.8), None, "{origin}: a gap of more than .02");
+    }
+}
+
+#[test]
+fn a_box_over_thousands_of_viewcells_of_a_grid_is_covered() {
+    let cells = (0..16 * 16 * 16).map(|i| {
+        let min = DVec3::new(f64::from(i % 16), f64::from(i / 16 % 16), f64::from(i / 256));
+        Viewcell::from_box(min, min + 1.0)
+    });
+    let (scene, sets) = one_object_each(Viewcells::new(cells), DVec3::ZERO);
+    let mut culler = PvsCuller::new(&sets);
+    let mut seen = |min: f64, max: f64| {
+        seen_from(&scene, &mut culler, [DVec3::splat(min), DVec3::splat(max)]).map(|seen| seen.len())
+    };
+    assert_eq!(seen(0.0, 16.0), Some(4096), "a box over all");
+    assert_eq!(seen(-0.1, 15.5), None, "a box that reaches out");
+    assert_eq!(seen(0.5, 14.5), Some(15 * 15 * 15), "a smaller box");
+}
+
+#[test]
+fn a_set_that_is_replaced_and_boxes_in_turn_have_their_own_answers() {
+    let cells = |first: f64| {
+        let cells = [first, 3.0 - first].map(|x| DVec3::X * x);
+        Viewcells::new(cells.map(|min| Viewcell::from_box(min, min + DVec3::new(1.5, 2.0, 2.0))))
+    };
+    let (scene, sets) = one_object_each(cells(0.0), DVec3::ZERO);
+    // The same viewcells and objects, and what the first one saw is seen by the second.
+    let pvs = Pvs::new(PvsTargets::Objects, 2, &[[1], [0]], |_| []).unwrap();
+    let other = ScenePvs::new(&scene, pvs, cells(0.0), scene.ids().zip(0..));
+    let mut culler = PvsCuller::new(&sets);
+    let places = [0.5, 3.5].map(|x| [DVec3::new(x, 0.5, 0.5), DVec3::new(x + 0.1, 1.0, 1.0)]);
+    let outside = [DVec3::splat(1.0), DVec3::splat(1.6)];
+    for expected in [[0, 1], [1, 0]] {
+        // The last place of the set before, whose viewcells are the same.
+        assert_eq!(seen_from(&scene, &mut culler, places[1]), Some(vec![expected[1]]), "a new set");
+        for _ in 0..2 {
+            for (place, seen) in places.into_iter().zip(expected) {
+                assert_eq!(seen_from(&scene, &mut culler, place), Some(vec![seen]), "{place:?}");
+                assert_eq!(seen_from(&scene, &mut culler, outside), None, "partly outside");
+                assert_eq!(seen_from(&scene, &mut culler, place), Some(vec![seen]), "{place:?} again");
+            }
+        }
+        *culler.shared_mut() = &other;
+    }
 }

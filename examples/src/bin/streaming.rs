@@ -141,9 +141,15 @@ fn motion(world: &World, frame: usize) -> (DVec3, DVec3) {
     (pose.eye, step.unwrap_or(DVec3::ZERO) * RATE)
 }
 
-/// Returns the distance in metres from the eye at which lines of sight begin.
+/// Returns a distance in metres from the eye within which lines of sight begin: that of the corners of the
+/// near plane in the walk with the widest view, and at least twice the distance of the near plane. Twice is
+/// enough for views of up to 80 degrees.
 fn reach(world: &World) -> f64 {
-    f64::from(world.source.near) * 2.0
+    let widest = world.source.walks.iter().map(|walk| f64::from(walk.fov_y_degrees)).fold(0.0, f64::max);
+    let aspect = f64::from(world.size.0) / f64::from(world.size.1);
+    let up = (widest.to_radians() * 0.5).tan();
+    let corner = DVec3::new(1.0, up, up * aspect).length();
+    f64::from(world.source.near) * corner.max(2.0)
 }
 
 /// Walks while a [`Residency`] loads and drops by `sets`, on which `work` works in each frame for the places

@@ -270,8 +270,12 @@ pub struct PvsCuller<S> {
     /// `t`.
     seen: Vec<u64>,
     seen_from_one: Vec<u64>,
-    /// Scratch of [`write_hidden`](HiddenSets::write_hidden): the union of the rows of the viewcells that a
-    /// box touches, as in `seen`.
+    /// Scratch of [`write_hidden`](HiddenSets::write_hidden): the viewcells that a box touches.
+    touched: Vec<u32>,
+    /// Viewcells of the last box of [`write_hidden`](HiddenSets::write_hidden) whose answer was known,
+    /// ascending. Empty before the first one, and after the [`ScenePvs`] was replaced.
+    touched_before: Vec<ViewcellId>,
+    /// Union of the PVS rows of the viewcells in `touched_before`, as in `seen`.
     seen_from_box: Vec<u64>,
     /// Mask of each node of the scene's hierarchy, bit i for lane i. In a leaf: whether the object in the
     /// lane counts as visible from the viewcells in `entered`. In an inner node: whether such an object is
@@ -307,6 +311,8 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             reached: Vec::new(),
             seen: Vec::new(),
             seen_from_one: Vec::new(),
+            touched: Vec::new(),
+            touched_before: Vec::new(),
             seen_from_box: Vec::new(),
             masks: Vec::new(),
             masks_layout: Stamp::NONE,
@@ -336,6 +342,7 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         if self.made_from != shared.stamp {
             self.made_from = shared.stamp;
             self.is_entered = false;
+            self.touched_before.clear();
             self.cursor = SceneCursor::START;
         }
         let mut changes = self.cursor.follow(scene);
@@ -455,10 +462,20 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
 }
 
 impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
-    /// Takes the union of the rows of all viewcells that the box touches. The answer is not known where
-    /// [`cull`](Culler::cull) hides nothing in every view, and if viewcells do not cover the sides of the
-    /// box: a line of sight from a gap inside leaves the box through a side, or ends at an object in the box,
-    /// and objects in the box are not hidden. Frames are not affected.
+    /// Takes the union of the rows of all viewcells that the box touches. Frames are not affected. The answer
+    /// is as accurate as the PVS: an [`unchecked`](ScenePvs::unchecked) PVS answers alike.
+    ///
+    /// The answer is not known where [`cull`](Culler::cull) hides nothing in every view, and if viewcells
+    /// cover neither the [box](Viewcells::cover) nor its [sides](Viewcells::reached). Sides suffice: a line
+    /// of sight from a gap inside leaves the box through a side, or ends at an object in the box, and objects
+    /// in the box are not hidden. The rows of viewcells inside the box add nothing to an exact PVS. They are
+    /// taken for the sake of sampled ones, which may lack at the sides what was found from inside.
+    ///
+    /// A box over hundreds of viewcells of irregular shapes may count as not covered although it is. Boxes of
+    /// a grid are covered by any number of viewcells, in time that grows with the square of this number.
+    ///
+    /// Reads the rows only if the viewcells are not those of the call before. Always reads the bounds of each
+    /// object that the PVS may hide: some nanoseconds for each, seen or not.
     fn write_hidden(&mut self, scene: &Scene, min: DVec3, max: DVec3, hidden: &mut Bits) -> bool {
         self.follow(scene);
         let shared = self.shared.borrow();
@@ -467,9 +484,13 @@ impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
             return false;
         }
         self.entering.clear();
-        // Corners relative to `min` are rounded by half of this.
-        let error = f64::EPSILON * (max - min).max_element();
-        for (axis, side) in (0..3).flat_map(|axis| [(axis, min), (axis, max)]) {
+        self.touched.clear();
+        let is_covered = shared.viewcells.cover(min, max, &mut self.touched);
+        self.entering.extend(self.touched.iter().map(|&cell| ViewcellId(cell)));
+        let sides = (0..3).flat_map(|axis| [(axis, min), (axis, max)]);
+        for (axis, side) in sides.filter(|_| !is_covered) {
+            // A corner relative to `min` is rounded by `u r` in the terms of `reached::ROUNDING`, which
+            // leaves room for it.
             let corner = |i: usize, j: usize| {
                 let mut corner = side;
                 let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
@@ -477,21 +498,23 @@ impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
                 corner - min
             };
             let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
-            if !shared.viewcells.reached(&corners, min, error, &mut self.reached) {
+            if !shared.viewcells.reached(&corners, min, 0.0, &mut self.reached) {
                 return false;
             }
             self.entering.extend_from_slice(&self.reached);
         }
-        shared.viewcells.for_each_touching(min, max, |cell| self.entering.push(cell));
         self.entering.sort_unstable();
         self.entering.dedup();
-        let ScenePvs { pvs, target_limit, .. } = shared;
-        pvs.write_first_union(
-            &self.entering,
-            *target_limit,
-            &mut self.seen_from_box,
-            &mut self.seen_from_one,
-        );
+        if self.entering != self.touched_before {
+            let ScenePvs { pvs, target_limit, .. } = shared;
+            pvs.write_first_union(
+                &self.entering,
+                *target_limit,
+                &mut self.seen_from_box,
+                &mut self.seen_from_one,
+            );
+            core::mem::swap(&mut self.entering, &mut self.touched_before);
+        }
         hidden.reset(scene.index_limit());
         let around = Aabb::from_world(min, max, scene.origin());
         let is_apart = |bounds: &Aabb| !(bounds.min.cmple(around.max) & around.min.cmple(bounds.max)).all();

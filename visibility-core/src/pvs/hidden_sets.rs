@@ -8,6 +8,11 @@ use glam::DVec3;
 /// Visible sets that are asked for a box of eye positions, for all directions of view. Implemented by
 /// [`PvsCuller`](super::PvsCuller), for baked sets, and by `visibility_region::OnlinePvs`, for sets made
 /// online, so that a [`Residency`](super::Residency) streams by either.
+///
+/// A view draws what is seen from the points at which its lines of sight begin
+/// ([`View::for_each_sight_start`](crate::View::for_each_sight_start)): the eye and the corners of the near
+/// plane. A box that stands for a view must hold all of these, not the eye alone. For a near distance of
+/// 0.05 m, an angle of 1.2 upwards and an aspect ratio of 1.5, the corners are 0.08 m from the eye.
 pub trait HiddenSets {
     /// Replaces `hidden` by the [indices](ObjectId::index) of the objects that are hidden from every point of
     /// a box in world space, from `min` to `max`, in metres. Objects that no culler may remove may be among

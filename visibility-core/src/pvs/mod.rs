@@ -1,6 +1,10 @@
 //! Potentially visible sets (PVS): for each viewcell, a compressed list of the targets that may be seen from
 //! anywhere in it. The bytes in memory are the bytes on disk.
 //!
+//! Two types tell a streaming engine what to load. [`Residency`] suits an engine that leaves to it what is in
+//! memory: it loads and drops within limits, and takes sets made online, too. [`Prefetch`] suits an engine
+//! that keeps its own books and wants times: it lists when the objects of a baked set come into view.
+//!
 //! # Format
 //! All numbers are little-endian:
 //! - The header of the [binary format](crate::binary_format): `VISI-PVS`, version 3, kind (0: cells, 1:

@@ -6,7 +6,9 @@
 use super::{HiddenSets, importance};
 use crate::bits::Bits;
 use crate::{ObjectId, Scene};
+use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
+use core::cmp::Ordering;
 use glam::DVec3;
 
 /// An object that is to be loaded or dropped.
@@ -27,21 +29,23 @@ const NOWHERE: u32 = u32::MAX;
 /// keeps to a limit.
 ///
 /// An update is given *places*: the box that the eye is in, then boxes that it may be in later, soonest
-/// first. An object is needed at the first place from which it is not hidden. Objects needed sooner are
-/// loaded before objects needed later, and among these the one with the greatest [`importance`] from the
-/// place comes first. Equal ones come by [index](ObjectId::index).
+/// first. Each box must hold all points at which lines of sight begin, since what is seen from these is
+/// drawn: the eye, and the corners of the near plane. An object is needed at the first place from which it is
+/// not hidden. Objects needed sooner are loaded before objects needed later, and among these the one with the
+/// greatest [`importance`] from the place comes first. Equal ones come by [index](ObjectId::index).
 ///
-/// An object is dropped only for the memory that a more urgent one needs: first the objects that are hidden
-/// from all places, the least important one first, then those needed last. An object that may be visible from
-/// the first place is never dropped. If the sets do not know what is hidden from a place, all objects may be
-/// needed there: from the first place this loads objects that no set asks for, by their importance, and drops
-/// none. An unknown later place loads nothing, and lets an object be dropped only for one that is needed
-/// sooner.
+/// An object is dropped only for the memory of a more urgent one that is loaded in the same update: first the
+/// objects that are hidden from all places, the least important one first, then those needed last. An object
+/// that may be visible from the first place is never dropped. If the sets do not know what is hidden from a
+/// place, all objects may be needed there: from the first place this loads objects that no set asks for, by
+/// their importance, and drops none. An unknown later place loads nothing, and lets an object be dropped only
+/// for one that is needed sooner.
 ///
 /// # Cost
 /// An update takes some nanoseconds for each object of the scene and each place, besides what the sets take,
-/// and sorts the objects that are needed and not in memory. Once memory is as large as needed, an update
-/// allocates nothing.
+/// and a logarithmic time for each object that is loaded. While memory is full, an update also asks the size
+/// of each object that is needed and missing, and sorts the objects in memory that may be dropped. Once its
+/// scratch memory is large enough, an update allocates nothing, besides what the sets allocate.
 ///
 /// ```
 /// use visibility_core::pvs::{Pvs, PvsCuller, PvsTargets, Residency, ScenePvs, Viewcell, Viewcells};
@@ -82,12 +86,14 @@ pub struct Residency {
     needed: Vec<u32>,
     /// Scratch: the objects hidden from a place.
     hidden: Bits,
-    /// Scratch: objects to load, most urgent first, and objects that may be dropped, least urgent last.
-    missing: Vec<Ranked>,
+    /// Scratch: objects to load.
+    missing: BinaryHeap<Ranked>,
+    /// Scratch: objects in memory that may be dropped, most urgent first. Empty until memory is short.
     droppable: Vec<Ranked>,
 }
 
-/// An object with its urgency: the sooner place is more urgent, and at one place the greater importance.
+/// An object with its urgency, which is its order: the sooner place is more urgent, and at one place the
+/// greater importance.
 #[derive(Clone, Copy, Debug)]
 struct Ranked {
     place: u32,
@@ -95,13 +101,27 @@ struct Ranked {
     object: ObjectId,
 }
 
-/// Sorts objects, most urgent first.
-fn sort(objects: &mut [Ranked]) {
-    objects.sort_unstable_by(|a, b| {
-        let by_place = a.place.cmp(&b.place).then(b.importance.total_cmp(&a.importance));
-        by_place.then(a.object.index().cmp(&b.object.index()))
-    });
+impl Ord for Ranked {
+    /// The more urgent object is greater.
+    fn cmp(&self, other: &Self) -> Ordering {
+        let by_place = other.place.cmp(&self.place).then(self.importance.total_cmp(&other.importance));
+        by_place.then(other.object.index().cmp(&self.object.index()))
+    }
 }
+
+impl PartialOrd for Ranked {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Ranked {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Ranked {}
 
 impl Residency {
     /// Makes an empty memory for at most `limit` bytes of objects.
@@ -116,20 +136,22 @@ impl Residency {
             is_complete: false,
             needed: Vec::new(),
             hidden: Bits::EMPTY,
-            missing: Vec::new(),
+            missing: BinaryHeap::new(),
             droppable: Vec::new(),
         }
     }
 
     /// Finds what to [load](Self::loads) and to [drop](Self::drops) now, and counts it as loaded and dropped.
     /// `places` are boxes in world space, each given by its minimum and its maximum in metres. `size` gives
-    /// the bytes of an object that is to be loaded. All updates are for the same scene.
+    /// the bytes of an object that is not in memory, and may be called several times for one object. All
+    /// updates are for the same scene.
     ///
     /// Loads take up to `budget` bytes in the order of their urgency. The last one may exceed the budget;
     /// what it takes more is subtracted from the next budgets, so that objects of any size are loaded. An
-    /// object larger than the limit of the memory is left out. The first object for which nothing more may be
-    /// dropped ends the loads. Objects that were removed from the scene are always dropped. Without places
-    /// nothing else is loaded or dropped.
+    /// object that finds no room is passed over, and nothing is dropped for it: it is larger than the limit,
+    /// or all that may be dropped for it is too little. Less urgent objects that find room are loaded.
+    /// Objects that were removed from the scene are always dropped. Without places nothing else is loaded or
+    /// dropped.
     pub fn update(
         &mut self,
         scene: &Scene,
@@ -147,26 +169,35 @@ impl Residency {
             }
         }
         let unknown = self.find_needs(scene, sets, places);
-        self.rank(scene, places, unknown);
+        self.rank_missing(scene, places);
+        self.droppable.clear();
+        let mut is_ranked = false;
         let paid = self.debt.min(budget);
         self.debt -= paid;
         let mut left = budget - paid;
         self.is_complete = !places.is_empty();
-        for at in 0..self.missing.len() {
-            let Ranked { place, object, .. } = self.missing[at];
-            let bytes = if left > 0 { size(object) } else { 0 };
-            let is_loaded = left > 0 && self.make_room(bytes, place);
-            self.is_complete &= is_loaded || place > 0;
-            if is_loaded {
-                let transfer = Transfer { object, bytes };
-                self.resident[object.index()] = Some(transfer);
-                self.loads.push(transfer);
-                self.bytes += bytes;
-                self.debt = self.debt.saturating_add(bytes.saturating_sub(left));
-                left = left.saturating_sub(bytes);
-            } else if left == 0 || bytes <= self.limit {
+        while let Some(Ranked { place, object, .. }) = self.missing.pop() {
+            if left == 0 {
+                self.is_complete &= place > 0;
                 break;
             }
+            let bytes = size(object);
+            if bytes > self.limit - self.bytes && !is_ranked {
+                self.rank_droppable(scene, places, unknown);
+                is_ranked = true;
+            }
+            if let Err(room) = self.make_room(bytes, place) {
+                self.is_complete &= place > 0;
+                // Less urgent objects find no more room than this one.
+                self.missing.retain(|other| size(other.object) <= room);
+                continue;
+            }
+            let transfer = Transfer { object, bytes };
+            self.resident[object.index()] = Some(transfer);
+            self.loads.push(transfer);
+            self.bytes += bytes;
+            self.debt = self.debt.saturating_add(bytes.saturating_sub(left));
+            left = left.saturating_sub(bytes);
         }
     }
 
@@ -196,34 +227,53 @@ impl Residency {
         unknown
     }
 
-    /// Fills `missing` and `droppable`. `unknown` is the result of [`find_needs`](Self::find_needs).
-    fn rank(&mut self, scene: &Scene, places: &[[DVec3; 2]], unknown: u32) {
+    /// Fills `missing` with the objects that are needed and not in memory.
+    fn rank_missing(&mut self, scene: &Scene, places: &[[DVec3; 2]]) {
         self.missing.clear();
-        self.droppable.clear();
-        let Some(&first) = places.first() else { return };
-        for id in scene.ids() {
-            let is_resident = self.resident[id.index()].is_some();
-            let needed = self.needed[id.index()];
-            let place = if is_resident { needed.min(unknown) } else { needed };
-            if if is_resident { place == 0 } else { place == NOWHERE } {
-                continue;
-            }
-            let [min, max] = places.get(place as usize).copied().unwrap_or(first);
-            let ranked = Ranked { place, importance: importance(scene, id, min, max), object: id };
-            if is_resident { self.droppable.push(ranked) } else { self.missing.push(ranked) }
-        }
-        sort(&mut self.missing);
-        sort(&mut self.droppable);
+        let (resident, needed) = (&self.resident, &self.needed);
+        self.missing.extend(scene.ids().filter_map(|id| {
+            let place = needed[id.index()];
+            let &[min, max] = places.get(place as usize).filter(|_| resident[id.index()].is_none())?;
+            Some(Ranked { place, importance: importance(scene, id, min, max), object: id })
+        }));
     }
 
-    /// Drops objects needed later than `place`, until so many `bytes` more keep to the limit. Returns whether
-    /// they do. Drops none for more bytes than the limit.
-    fn make_room(&mut self, bytes: u64, place: u32) -> bool {
-        while bytes <= self.limit && bytes > self.limit - self.bytes {
-            let Some(last) = self.droppable.pop_if(|last| last.place > place) else { return false };
+    /// Fills `droppable` with the objects in memory that are not needed at the first place. `unknown` is the
+    /// result of [`find_needs`](Self::find_needs): at that place every object may be needed.
+    fn rank_droppable(&mut self, scene: &Scene, places: &[[DVec3; 2]], unknown: u32) {
+        let Some(&first) = places.first() else { return };
+        for id in scene.ids().filter(|id| self.resident[id.index()].is_some()) {
+            let place = self.needed[id.index()].min(unknown);
+            if place > 0 {
+                let [min, max] = places.get(place as usize).copied().unwrap_or(first);
+                self.droppable.push(Ranked {
+                    place,
+                    importance: importance(scene, id, min, max),
+                    object: id,
+                });
+            }
+        }
+        self.droppable.sort_unstable_by(|a, b| b.cmp(a));
+    }
+
+    /// Drops objects needed later than `place`, the least urgent first, until `bytes` more bytes fit into
+    /// memory. If dropping all of these objects does not suffice, drops none, and returns the number of bytes
+    /// that would fit without them.
+    fn make_room(&mut self, bytes: u64, place: u32) -> Result<(), u64> {
+        let mut room = self.limit - self.bytes;
+        let mut kept = self.droppable.len();
+        while bytes > room {
+            let later = self.droppable[..kept].last().filter(|last| last.place > place);
+            let Some(last) = later else { return Err(room) };
+            room += self.resident[last.object.index()].map_or(0, |resident| resident.bytes);
+            kept -= 1;
+        }
+        while self.droppable.len() > kept
+            && let Some(last) = self.droppable.pop()
+        {
             self.release(last.object.index());
         }
-        bytes <= self.limit
+        Ok(())
     }
 
     /// Takes an object out of memory.
