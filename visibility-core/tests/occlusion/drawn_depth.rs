@@ -192,6 +192,9 @@ fn a_frame_may_change_or_fail_between_its_looks() {
         (0..SETTLING).for_each(|_| _ = engine.frame(1));
         engine.begin();
         engine.look(Some(0));
+        let new = Aabb::from_arrays([30.0, -0.2, -0.2], [30.4, 0.2, 0.2]);
+        let answer = engine.culler.map().test(&new);
+        assert_eq!(answer, Occlusion::Visible, "a box without an answer, when the look ahead is over");
         change(&mut engine);
         engine.look(None);
         assert!(engine.drawn.contains(&engine.behind), "{name} after a look ahead");

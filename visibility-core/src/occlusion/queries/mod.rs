@@ -112,8 +112,10 @@ pub struct HardwareQueries<D> {
     clip_planes: Option<ViewPlanes>,
     /// Hashes of the occluders added in the present frame and in the frame before.
     drawn: [Fingerprint; 2],
-    /// Whether the present look at the frame is a look ahead.
+    /// Whether a look ahead is running.
     is_ahead: bool,
+    /// Whether the last look was a look ahead, so that the next look may be at the same frame.
+    is_frame_open: bool,
     /// Number, from 0 in each frame, of the look ahead that begins next. `None` outside of
     /// [`OcclusionCuller::look_ahead`].
     next_look_ahead: Option<u32>,
@@ -133,6 +135,7 @@ impl<D: QueryDevice> HardwareQueries<D> {
             clip_planes: None,
             drawn: [Fingerprint::new(); 2],
             is_ahead: false,
+            is_frame_open: false,
             next_look_ahead: None,
             boxes: Boxes::new(device),
         }
@@ -225,19 +228,19 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
     }
 
     fn begin(&mut self, view: &View, origin: DVec3) {
-        // A look ahead is followed by another look at the same frame, unless something has changed or the
-        // frame was abandoned.
-        let look_ahead = self.next_look_ahead.take();
-        let is_same_frame =
-            self.is_ahead && look_ahead != Some(0) && self.view == Some(*view) && self.origin == origin;
-        self.frame += u64::from(!is_same_frame);
-        self.is_ahead = look_ahead.is_some();
-        self.drawn = [Fingerprint::new(), self.drawn[0]];
         if self.origin != origin {
             // The origin has moved, so boxes of equal coordinates are now other boxes.
             self.reset();
             self.origin = origin;
         }
+        // A look ahead is followed by another look at the same frame, unless something has changed or the
+        // frame was abandoned.
+        let look_ahead = self.next_look_ahead.take();
+        let is_same_frame = self.is_frame_open && look_ahead != Some(0) && self.view == Some(*view);
+        self.frame += u64::from(!is_same_frame);
+        self.is_ahead = look_ahead.is_some();
+        self.is_frame_open = self.is_ahead;
+        self.drawn = [Fingerprint::new(), self.drawn[0]];
         // A frame that begins with a look ahead gets answers about all that it draws, so it needs no others.
         if self.view != Some(*view) || (self.is_ahead && !is_same_frame) {
             self.view = Some(*view);
@@ -347,8 +350,10 @@ impl<D: QueryDevice, H: BoxHierarchy> OcclusionCuller<HardwareQueries<D>, H> {
         visible: &mut VisibleSet,
         look: u32,
     ) -> CullStats {
-        // The cull begins a frame of the map, which takes the number: it never outlives this call.
+        // The cull begins a look of the map, which takes the number.
         self.map_mut().next_look_ahead = Some(look);
-        self.cull(scene, view, visible)
+        let stats = self.cull(scene, view, visible);
+        self.map_mut().is_ahead = false;
+        stats
     }
 }
