@@ -255,8 +255,8 @@ fn a_nan_triangle_in_finite_bounds_is_not_lost() {
     );
 }
 
-/// Occlusion map that finds every box hidden from its second frame on, until it is reset or the scene changes.
-/// It simulates a device whose answers belong to the frame before.
+/// Occlusion map that finds every box hidden from its second frame on, until it is reset or the scene
+/// changes. It simulates a device whose answers belong to the frame before.
 #[derive(Default)]
 struct Late {
     frames: u32,

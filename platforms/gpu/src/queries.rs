@@ -4,8 +4,8 @@
 //! draws the boxes that culling asked about, with the depth test of the picture. Answers arrive when the card
 //! has finished. Since everything drawn is in the depth buffer, no occluders are needed
 //! ([`with_price(0)`](visibility_core::OcclusionCuller::with_price)). The engine calls
-//! [`HardwareQueries::invalidate`](visibility_core::occlusion::HardwareQueries::invalidate) when something has
-//! moved, gone or appeared that it draws but that is no object of the scene.
+//! [`HardwareQueries::invalidate`](visibility_core::occlusion::HardwareQueries::invalidate) when something
+//! has moved, gone or appeared that it draws but that is no object of the scene.
 //!
 //! A *look* is a cull with the map, and a submission. Each frame is one look, unless the engine
 //! [looks ahead](visibility_core::OcclusionCuller::look_ahead), which adds looks to the frame.

@@ -22,8 +22,8 @@
 //! [`OcclusionCuller::look_ahead`] gets these: answers for earlier views decide what is drawn *first*, not
 //! what is drawn.
 //!
-//! The depth buffer holds what the engine has drawn, which may be any object. So an answer also proves nothing
-//! about another state of the scene: a still camera uses answers only until the scene changes.
+//! The depth buffer holds what the engine has drawn, which may be any object. So an answer also proves
+//! nothing about another state of the scene: a still camera uses answers only until the scene changes.
 
 mod boxes;
 mod device;
@@ -161,8 +161,8 @@ impl<D: QueryDevice> HardwareQueries<D> {
     /// [`LateAnswers::Visible`] then uses no answer for an earlier frame.
     ///
     /// There is no need to call it for another view, scene or origin, nor for changes of the scene. A frame
-    /// that [looks ahead](OcclusionCuller::look_ahead) does not need it either: it uses no answers for earlier
-    /// frames. [`LateAnswers::Trusted`] is not affected.
+    /// that [looks ahead](OcclusionCuller::look_ahead) does not need it either: it uses no answers for
+    /// earlier frames. [`LateAnswers::Trusted`] is not affected.
     pub fn invalidate(&mut self) {
         self.view = None;
     }
