@@ -9,7 +9,7 @@ use visibility_core::{Culler, View};
 /// Number of samples of a box that pass.
 type Samples = fn(&Aabb) -> u32;
 
-/// Device that answers each query at the next chance, with the sum of a number of passed samples of each box.
+/// Device that answers each query at the next chance, with the sum of the passed samples of its boxes.
 struct Counting {
     /// Number of passed samples of a box.
     samples: Samples,
