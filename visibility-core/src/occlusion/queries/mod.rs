@@ -309,9 +309,11 @@ impl<D: QueryDevice, H: BoxHierarchy> OcclusionCuller<HardwareQueries<D>, H> {
     /// visible. A look ahead only affects the cull that ends its frame, and no other cull:
     ///
     /// - Look 0 begins a frame. If the frame before it was abandoned after a look ahead, its answers do not
-    ///   count, even if the view is the same. Without a look ahead, the next cull of the same view ends the
-    ///   abandoned frame; call [`HardwareQueries::invalidate`] before it if what was drawn no longer holds.
-    /// - If scene, view or origin change between the looks at a frame, the next look begins a frame.
+    ///   count, even if the view is the same.
+    /// - A frame without a look ahead that follows an abandoned frame of the same view counts as its end.
+    ///   Call [`HardwareQueries::invalidate`] before it unless the same objects are drawn again.
+    /// - If scene, view or origin change between the looks at a frame, the next look begins a frame. The
+    ///   engine then clears the depth buffer, and draws this frame anew.
     ///
     /// ```
     /// # use visibility_core::{Aabb, Culler, FrustumCuller, ObjectId, Pose, Scene, View, VisibleSet};
