@@ -289,7 +289,7 @@ impl OcclusionMap for Late {
 fn what_the_map_remembers_of_one_scene_hides_nothing_in_another_or_after_a_change() {
     let mut scene = triangles(13, 400);
     let view = looking_along_x(-60.0);
-    let cells = |scene| Arc::new(OctreeTessellation::from_scene(scene, FINE));
+    let cells = |scene: &Scene| Arc::new(OctreeTessellation::from_scene(scene, FINE));
     let mut culler = ConservativePlpCuller::new(cells(&scene), Budget::Cost(0), Late::default());
     let all = run(&mut culler, &scene, &view).len();
     let rest = run(&mut culler, &scene, &view).len();
