@@ -133,8 +133,10 @@ impl Engine {
     }
 }
 
+type Change = fn(&mut Engine);
+
 /// Changes between two frames that bring the box behind the wall into view.
-const CHANGES: [(&str, fn(&mut Engine)); 6] = [
+const CHANGES: [(&str, Change); 6] = [
     ("the wall moves", |engine| engine.set_wall(-20.0)),
     ("the wall is removed", |engine| engine.scene.remove(engine.wall).unwrap()),
     ("the wall leaves the layers of the view", |engine| engine.scene.set_layers(engine.wall, 0).unwrap()),
