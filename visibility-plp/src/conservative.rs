@@ -242,6 +242,8 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         if !self.scene.is_in(scene) {
             self.map.reset();
+        } else if !self.scene.is_current(scene) {
+            self.map.scene_changed();
         }
         self.scene = SceneCursor::at(scene);
         let Self { tessellation, settings, map, walk, waiting, sorted, stats, .. } = self;

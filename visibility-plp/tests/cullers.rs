@@ -255,8 +255,8 @@ fn a_nan_triangle_in_finite_bounds_is_not_lost() {
     );
 }
 
-/// Occlusion map that finds every box hidden from its second frame on, until it is reset. It simulates a
-/// device whose answers belong to the frame before.
+/// Occlusion map that finds every box hidden from its second frame on, until it is reset or the scene
+/// changes. It simulates a device whose answers belong to the frame before.
 #[derive(Default)]
 struct Late {
     frames: u32,
@@ -277,20 +277,28 @@ impl OcclusionMap for Late {
     fn test(&self, _: &Aabb) -> Occlusion {
         if self.frames > 1 { Occlusion::Hidden } else { Occlusion::Partial }
     }
+    fn scene_changed(&mut self) {
+        self.frames = 0;
+    }
     fn reset(&mut self) {
         self.frames = 0;
     }
 }
 
 #[test]
-fn what_the_map_remembers_of_one_scene_hides_nothing_in_another() {
-    let scene = triangles(13, 400);
+fn what_the_map_remembers_of_one_scene_hides_nothing_in_another_or_after_a_change() {
+    let mut scene = triangles(13, 400);
     let view = looking_along_x(-60.0);
-    let cells = |scene| Arc::new(OctreeTessellation::from_scene(scene, FINE));
+    let cells = |scene: &Scene| Arc::new(OctreeTessellation::from_scene(scene, FINE));
     let mut culler = ConservativePlpCuller::new(cells(&scene), Budget::Cost(0), Late::default());
     let all = run(&mut culler, &scene, &view).len();
     let rest = run(&mut culler, &scene, &view).len();
     assert!(rest * 2 < all, "{rest} of {all} objects are kept in the second frame of a scene");
+    let first = scene.ids().next().unwrap();
+    scene.set_cost(first, 7).unwrap();
+    assert_eq!(run(&mut culler, &scene, &view).len(), all, "objects kept after a change of the scene");
+    let rest = run(&mut culler, &scene, &view).len();
+    assert!(rest * 2 < all, "{rest} of {all} objects are kept in the second frame after the change");
     let other = scene.clone();
     *culler.shared_mut() = cells(&other);
     assert_eq!(

@@ -97,13 +97,14 @@ pub fn run(world: &World, walks: &[Vec<View>], judged: &[SampledVisibility], mod
             let before = culler.map_mut().device_mut().answered();
             let mut in_frustum = 0;
             for look in 0..=mode.looks_ahead {
-                if look < mode.looks_ahead {
-                    culler.map_mut().look_ahead();
-                }
                 visible.fill(scene, view);
                 FrustumCuller::new().cull(scene, view, &mut visible);
                 in_frustum = visible.count(scene) as u64;
-                culler.cull(scene, view, &mut visible);
+                if look < mode.looks_ahead {
+                    culler.look_ahead(scene, view, &mut visible, look);
+                } else {
+                    culler.cull(scene, view, &mut visible);
+                }
                 visible.finish(scene);
                 let card = culler.map_mut().device_mut();
                 for id in visible.iter(scene) {

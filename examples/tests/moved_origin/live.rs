@@ -132,6 +132,10 @@ impl OcclusionMap for Queries {
         self.0.test_64_mut(boxes, candidates)
     }
 
+    fn scene_changed(&mut self) {
+        self.0.scene_changed();
+    }
+
     fn reset(&mut self) {
         self.0.reset();
     }

@@ -4,8 +4,11 @@
 //! draws the boxes that culling asked about, with the depth test of the picture. Answers arrive when the card
 //! has finished. Since everything drawn is in the depth buffer, no occluders are needed
 //! ([`with_price(0)`](visibility_core::OcclusionCuller::with_price)). The engine calls
-//! [`HardwareQueries::invalidate`](visibility_core::occlusion::HardwareQueries::invalidate) when objects have
-//! moved.
+//! [`HardwareQueries::invalidate`](visibility_core::occlusion::HardwareQueries::invalidate) when something
+//! has moved, gone or appeared that it draws but that is no object of the scene.
+//!
+//! A *look* is a cull with the map, and a submission. Each frame is one look, unless the engine
+//! [looks ahead](visibility_core::OcclusionCuller::look_ahead), which adds looks to the frame.
 
 use crate::painter::depth_test;
 use crate::{Gpu, Painter, Target};
@@ -18,12 +21,12 @@ use wgpu::BufferUsages;
 /// Time at which [`CardQueries`] delivers answers.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Delay {
-    /// Answers are delivered in the first frame that begins after they have arrived. No frame waits for the
+    /// Answers are delivered in the first look that begins after they have arrived. No look waits for the
     /// card.
     Arrival,
-    /// Answers are delivered a fixed number of frames, at least 1, after the frame that asked. If they have
-    /// not arrived by then, the frame waits for the card. With 1, the frame always waits until the card is
-    /// done.
+    /// Answers are delivered a fixed number of looks, at least 1, after the look that asked. If they have not
+    /// arrived by then, the look waits for the card. With 1, each look waits until the card is done. With a
+    /// look ahead, use 1: answers that arrive after the last look of their frame do not count.
     Frames(u32),
 }
 
@@ -34,13 +37,13 @@ pub struct CardQueries {
     delay: Delay,
     pipeline: wgpu::RenderPipeline,
     bindings: wgpu::BindGroup,
-    /// Number of the present frame, which counts calls of [`QueryDevice::answers`].
-    frame: u64,
-    /// Queries of the present frame: the number of each, and how many of `boxes` it is about. The boxes of a
+    /// Number of the present look, which counts calls of [`QueryDevice::answers`].
+    look: u64,
+    /// Queries of the present look: the number of each, and how many of `boxes` it is about. The boxes of a
     /// query follow those of the query before.
     asked: Vec<(u64, u32)>,
     boxes: Vec<Aabb>,
-    /// Batches of queries that the card has not answered yet, in the order of their frames.
+    /// Batches of queries that the card has not answered yet, in the order of their looks.
     under_way: VecDeque<Batch>,
     /// Batches whose memory can be reused.
     idle: Vec<Batch>,
@@ -51,7 +54,8 @@ pub struct CardQueries {
 struct Batch {
     /// Number of each query, and how many boxes it is about.
     queries: Vec<(u64, u32)>,
-    frame: u64,
+    /// Number of the look that asked.
+    look: u64,
     set: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     read_back: wgpu::Buffer,
@@ -93,7 +97,7 @@ impl CardQueries {
             delay,
             pipeline,
             bindings,
-            frame: 0,
+            look: 0,
             asked: Vec::new(),
             boxes: Vec::new(),
             under_way: VecDeque::new(),
@@ -101,13 +105,13 @@ impl CardQueries {
         }
     }
 
-    /// Returns the number of queries asked in the present frame so far.
+    /// Returns the number of queries asked in the present look so far.
     pub fn asked(&self) -> usize {
         self.asked.len()
     }
 
-    /// Sends the queries of the present frame to the card. Call this after drawing the frame's objects into
-    /// `target`, with the camera still set.
+    /// Sends the queries of the present look to the card. Call this after drawing the objects that the look
+    /// left into `target`, with the camera still set.
     pub fn submit(&mut self, target: &Target) {
         let boxes = std::mem::take(&mut self.boxes);
         let asked = std::mem::take(&mut self.asked);
@@ -117,7 +121,7 @@ impl CardQueries {
             let mut batch = self.idle.pop().unwrap_or_else(|| Batch::new(&self.gpu));
             batch.queries.clear();
             batch.queries.extend(queries);
-            batch.frame = self.frame;
+            batch.look = self.look;
             let count: usize = queries.iter().map(|&(_, count)| count as usize).sum();
             let (own, others) = rest.split_at(count);
             rest = others;
@@ -179,7 +183,7 @@ impl Batch {
         let read_back = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
         Self {
             queries: Vec::new(),
-            frame: 0,
+            look: 0,
             set: gpu.device.create_query_set(&descriptor),
             resolved: gpu.zeros("answers", bytes, resolved),
             read_back: gpu.zeros("answers read back", bytes, read_back),
@@ -210,13 +214,13 @@ impl QueryDevice for CardQueries {
     }
 
     fn answers(&mut self, each: &mut dyn FnMut(u64, u32)) {
-        self.frame += 1;
+        self.look += 1;
         // Runs callbacks for answers that have arrived. On an error the device is lost, and no answers
         // arrive.
         let _ = self.gpu.device.poll(wgpu::PollType::Poll);
         while let Some(batch) = self.under_way.front() {
-            if let Delay::Frames(frames) = self.delay {
-                if self.frame - batch.frame < u64::from(frames) {
+            if let Delay::Frames(looks) = self.delay {
+                if self.look - batch.look < u64::from(looks) {
                     break;
                 }
                 if batch.arrived.get().is_none() && self.gpu.wait().is_err() {

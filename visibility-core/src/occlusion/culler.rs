@@ -78,7 +78,7 @@ pub struct OcclusionCuller<M, H = SceneHierarchy> {
     experience: Experience,
     /// Memory of the search for occluders. Its content does not outlive a frame.
     queue: Queue,
-    /// The scene of the last frame, which the map's memory of earlier frames belongs to.
+    /// The scene of the last frame, in the state that the map's memory of earlier frames belongs to.
     scene: SceneCursor,
 }
 
@@ -151,6 +151,8 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
     ) -> CullStats {
         if !self.scene.is_in(scene) {
             Culler::reset(self);
+        } else if !self.scene.is_current(scene) {
+            self.map.scene_changed();
         }
         self.scene = SceneCursor::at(scene);
         let (objects, origin) = (visible.count(scene), scene.origin());

@@ -198,6 +198,11 @@ pub trait OcclusionMap {
         Lack::of_occluders(scene, each);
     }
 
+    /// Tells the map that the scene has changed since the frame before. The culler calls it before it
+    /// [begins](Self::begin) a frame. A map that remembers what was drawn in earlier frames must not hide
+    /// boxes by that any longer. A map that wraps another passes the call on. The default does nothing.
+    fn scene_changed(&mut self) {}
+
     /// Forgets what the map remembers of earlier frames. The culler calls it before the first frame of
     /// another scene. The default does nothing.
     fn reset(&mut self) {}

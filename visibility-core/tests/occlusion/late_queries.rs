@@ -178,7 +178,7 @@ fn a_moving_camera_loses_nothing_unless_old_answers_are_trusted() {
 
 /// As [`by_queries`], with a number of looks ahead at each frame, and answers that arrive before the next
 /// look.
-fn by_looks(looks_ahead: usize, eyes: &[DVec3]) -> Vec<(usize, bool)> {
+fn by_looks(looks_ahead: u32, eyes: &[DVec3]) -> Vec<(usize, bool)> {
     let Street { scene, .. } = street();
     let map = HardwareQueries::new(SimulatedCard::new(0), LateAnswers::Visible);
     let mut culler = OcclusionCuller::new(map);
@@ -188,12 +188,13 @@ fn by_looks(looks_ahead: usize, eyes: &[DVec3]) -> Vec<(usize, bool)> {
         let view = view_from(eye, eye + DVec3::X);
         culler.map_mut().device_mut().view = view;
         for look in 0..=looks_ahead {
-            if look < looks_ahead {
-                culler.map_mut().look_ahead();
-            }
             visible_set.fill(&scene, &view);
             FrustumCuller::new().cull(&scene, &view, &mut visible_set);
-            culler.cull(&scene, &view, &mut visible_set);
+            if look < looks_ahead {
+                culler.look_ahead(&scene, &view, &mut visible_set, look);
+            } else {
+                culler.cull(&scene, &view, &mut visible_set);
+            }
         }
         let exact = visible(&mut pipeline(), &scene, &view);
         let lost = exact.iter().any(|&id| !visible_set.contains(&scene, id));

@@ -1,6 +1,7 @@
 //! Tests of the occlusion driver over a plain depth map: what it must hide, and what it must not hide.
 
 mod cost;
+mod drawn_depth;
 mod late_queries;
 mod query_groups;
 

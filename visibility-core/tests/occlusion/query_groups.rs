@@ -9,7 +9,7 @@ use visibility_core::{Culler, View};
 /// Number of samples of a box that pass.
 type Samples = fn(&Aabb) -> u32;
 
-/// Device that answers each query at the next chance: so many samples of each box pass.
+/// Device that answers each query at the next chance, with the sum of the passed samples of its boxes.
 struct Counting {
     /// Number of passed samples of a box.
     samples: Samples,
@@ -151,8 +151,10 @@ fn a_look_ahead_withholds_and_the_next_look_decides() {
     for (samples, is_elsewhere, expected) in cases {
         let scene = row(1);
         let mut culler = culler(samples, LateAnswers::Visible);
-        culler.map_mut().look_ahead();
-        let ahead = cull(&mut culler, &scene, &along_x());
+        let mut visible = VisibleSet::new();
+        visible.fill(&scene, &along_x());
+        culler.look_ahead(&scene, &along_x(), &mut visible, 0);
+        let ahead = visible.count(&scene);
         let view = if is_elsewhere { other } else { along_x() };
         let end = cull(&mut culler, &scene, &view);
         assert_eq!([ahead, end], expected, "ends with another view: {is_elsewhere}");

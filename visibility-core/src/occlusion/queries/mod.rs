@@ -19,8 +19,11 @@
 //!   on average over two scenes.)
 //!
 //! So a moving camera culls without errors only by answers for the present view.
-//! [`HardwareQueries::look_ahead`] gets these: answers for earlier views decide what is drawn *first*, not
+//! [`OcclusionCuller::look_ahead`] gets these: answers for earlier views decide what is drawn *first*, not
 //! what is drawn.
+//!
+//! The depth buffer holds what the engine has drawn, which may be any object. So an answer also proves
+//! nothing about another state of the scene: a still camera uses answers only until the scene changes.
 
 mod boxes;
 mod device;
@@ -28,12 +31,13 @@ mod device;
 pub use self::device::QueryDevice;
 
 use self::boxes::{Answer, Boxes};
-use super::{OccluderMesh, Occlusion, Occlusion64, OcclusionMap};
+use super::{OccluderMesh, Occlusion, Occlusion64, OcclusionCuller, OcclusionMap};
 use crate::binary_format::Fingerprint;
 use crate::{
-    Aabb, Accuracy, View,
+    Aabb, Accuracy, CullStats, Culler, Scene, View, VisibleSet,
     scene::Boxes64,
     view::{ViewPlane, ViewPlanes},
+    walk::BoxHierarchy,
 };
 use glam::{Affine3A, DVec3};
 
@@ -46,10 +50,11 @@ use glam::{Affine3A, DVec3};
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum LateAnswers {
-    /// An answer is used only if view and occluders are the same as when its query was issued; otherwise the
-    /// box counts as visible. Nothing visible is ever hidden. A still camera culls every hidden box. A moving
-    /// camera culls nothing, since answers arrive at least one frame late, unless the engine
-    /// [looks ahead](HardwareQueries::look_ahead).
+    /// An answer is used only if view, scene and occluders are the same as when its query was issued;
+    /// otherwise the box counts as visible. A still camera culls every hidden box, until the scene changes. A
+    /// moving camera, or one whose scene changes in each frame, culls nothing, since answers arrive at least
+    /// one frame late, unless the engine [looks ahead](OcclusionCuller::look_ahead). Nothing visible is ever
+    /// hidden, if [`HardwareQueries::invalidate`] reports what the culler cannot see.
     Visible,
     /// Answers for a frame at most `frames` frames old are used. An object that comes into view may appear
     /// late by that number of frames.
@@ -93,9 +98,11 @@ pub struct HardwareQueries<D> {
     /// Number of frames begun so far, which is also the number of the present frame. All looks at a frame
     /// share its number.
     frame: u64,
-    /// Number of the frame in which view or occluders last changed: they have been the same from that frame
-    /// on.
+    /// Number of the first frame whose answers are about the present depth buffer: view, scene and occluders
+    /// have been the same since. The present frame, if it began with a look ahead.
     since: u64,
+    /// View of the present frame. `None` before the first frame, and when the depth buffer will differ for
+    /// another reason.
     view: Option<View>,
     /// Origin of the scene, to which the boxes of `boxes` are relative; NaN before the first
     /// frame.
@@ -105,10 +112,13 @@ pub struct HardwareQueries<D> {
     clip_planes: Option<ViewPlanes>,
     /// Hashes of the occluders added in the present frame and in the frame before.
     drawn: [Fingerprint; 2],
-    /// Whether the present look at the frame is a look ahead.
+    /// Whether a look ahead is running.
     is_ahead: bool,
-    /// Whether the next look will be a look ahead.
-    is_next_ahead: bool,
+    /// Whether the last look was a look ahead, so that the next look may be at the same frame.
+    is_frame_open: bool,
+    /// Number, from 0 in each frame, of the look ahead that begins next. `None` outside of
+    /// [`OcclusionCuller::look_ahead`].
+    next_look_ahead: Option<u32>,
     boxes: Boxes<D>,
 }
 
@@ -125,7 +135,8 @@ impl<D: QueryDevice> HardwareQueries<D> {
             clip_planes: None,
             drawn: [Fingerprint::new(); 2],
             is_ahead: false,
-            is_next_ahead: false,
+            is_frame_open: false,
+            next_look_ahead: None,
             boxes: Boxes::new(device),
         }
     }
@@ -144,53 +155,14 @@ impl<D: QueryDevice> HardwareQueries<D> {
         self
     }
 
-    /// Makes the next cull a look ahead at its frame: the cull leaves the objects to draw first. These are
-    /// all objects but those whose newest answer was hidden, whatever its view and age, and new ones. The map
-    /// asks about both, and the device compares them with what has been drawn. A later cull with the same
-    /// view that is no look ahead ends the frame. It leaves what remains to be drawn, and hides by answers
-    /// for this view alone under [`LateAnswers::Visible`].
+    /// Tells the map that the depth buffer will differ from the frame before for reasons that the culler
+    /// cannot see: something has moved, gone or appeared that is drawn but is no object of the scene, or
+    /// objects are left out of the set or put into it by hand. To be called before the frame is culled.
+    /// [`LateAnswers::Visible`] then uses no answer for an earlier frame.
     ///
-    /// In between, the engine draws what the look ahead left, and waits for the answers. The scene must not
-    /// change between the looks at a frame. Where a node or a group of boxes comes into view, all objects in
-    /// it count as visible for that frame. A second look ahead asks about each part of these.
-    ///
-    /// ```
-    /// # use visibility_core::{Aabb, Culler, FrustumCuller, ObjectId, Pose, Scene, View, VisibleSet};
-    /// # use visibility_core::glam::DVec3;
-    /// # use visibility_core::{OcclusionCuller, occlusion::{HardwareQueries, LateAnswers, QueryDevice}};
-    /// # struct Card;
-    /// # impl QueryDevice for Card {
-    /// #     fn ask(&mut self, _: u64, _: &[Aabb]) {}
-    /// #     fn answers(&mut self, _: &mut dyn FnMut(u64, u32)) {}
-    /// # }
-    /// # impl Card { fn wait(&mut self) {} }
-    /// fn frame(
-    ///     culler: &mut OcclusionCuller<HardwareQueries<Card>>, scene: &Scene, view: &View,
-    ///     visible: &mut VisibleSet, mut draw_once: impl FnMut(ObjectId),
-    /// ) {
-    ///     for is_ahead in [true, false] {
-    ///         if is_ahead {
-    ///             culler.map_mut().look_ahead();
-    ///         }
-    ///         visible.fill(scene, view);
-    ///         FrustumCuller::new().cull(scene, view, visible);
-    ///         culler.cull(scene, view, visible);
-    ///         visible.iter(scene).for_each(&mut draw_once); // but for what the frame has drawn
-    ///         culler.map_mut().device_mut().wait();
-    ///     }
-    /// }
-    /// # let mut culler = OcclusionCuller::new(HardwareQueries::new(Card, LateAnswers::Visible));
-    /// # let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 9.0);
-    /// # frame(&mut culler, &Scene::new(), &view.unwrap(), &mut VisibleSet::new(), |_| {});
-    /// ```
-    pub fn look_ahead(&mut self) {
-        self.is_next_ahead = true;
-    }
-
-    /// Tells the map that the depth buffer will differ from the frame before for reasons that the map cannot
-    /// see, such as occluders drawn by the engine. To be called before [`begin`](OcclusionMap::begin).
-    /// Answers for earlier frames are then no longer used under [`LateAnswers::Visible`].
-    /// [`LateAnswers::Trusted`] is not affected.
+    /// There is no need to call it for another view, scene or origin, nor for changes of the scene. A frame
+    /// that [looks ahead](OcclusionCuller::look_ahead) does not need it either: it uses no answers for
+    /// earlier frames. [`LateAnswers::Trusted`] is not affected.
     pub fn invalidate(&mut self) {
         self.view = None;
     }
@@ -256,17 +228,21 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
     }
 
     fn begin(&mut self, view: &View, origin: DVec3) {
-        // A look ahead is followed by another look at the same frame, unless something has changed.
-        let is_same_frame = self.is_ahead && self.view == Some(*view) && self.origin == origin;
-        self.frame += u64::from(!is_same_frame);
-        self.is_ahead = core::mem::take(&mut self.is_next_ahead);
-        self.drawn = [Fingerprint::new(), self.drawn[0]];
         if self.origin != origin {
             // The origin has moved, so boxes of equal coordinates are now other boxes.
             self.reset();
             self.origin = origin;
         }
-        if self.view != Some(*view) {
+        // A look ahead is followed by another look at the same frame, unless something has changed or the
+        // frame was abandoned.
+        let look_ahead = self.next_look_ahead.take();
+        let is_same_frame = self.is_frame_open && look_ahead != Some(0) && self.view == Some(*view);
+        self.frame += u64::from(!is_same_frame);
+        self.is_ahead = look_ahead.is_some();
+        self.is_frame_open = self.is_ahead;
+        self.drawn = [Fingerprint::new(), self.drawn[0]];
+        // A frame that begins with a look ahead gets answers about all that it draws, so it needs no others.
+        if self.view != Some(*view) || (self.is_ahead && !is_same_frame) {
             self.view = Some(*view);
             self.since = self.frame;
         }
@@ -307,8 +283,79 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
         answer
     }
 
+    fn scene_changed(&mut self) {
+        self.invalidate();
+    }
+
     fn reset(&mut self) {
         self.view = None;
         self.boxes.reset();
+    }
+}
+
+impl<D: QueryDevice, H: BoxHierarchy> OcclusionCuller<HardwareQueries<D>, H> {
+    /// Looks ahead at a frame: leaves the objects to draw first in `visible`. These are all objects but those
+    /// whose newest answer was hidden, whatever its view and age, and new ones. The map asks about both, and
+    /// the device compares them with what has been drawn. [`cull`](Culler::cull) with the same view ends the
+    /// frame. It leaves what remains to be drawn, and hides by answers for this frame alone under
+    /// [`LateAnswers::Visible`].
+    ///
+    /// In between, the engine draws what the look ahead left, and waits for the answers. Answers that arrive
+    /// later do not count. Where a node or a group of boxes comes into view, all objects in it count as
+    /// visible for that frame. A second look ahead asks about each part of these. `look` is the number of the
+    /// look in its frame, from 0.
+    ///
+    /// The [accuracy](Culler::accuracy) of the culler is that of `cull`: what a look ahead leaves out may be
+    /// visible. A look ahead only affects the cull that ends its frame, and no other cull:
+    ///
+    /// - Look 0 begins a frame. If the frame before it was abandoned after a look ahead, its answers do not
+    ///   count, even if the view is the same.
+    /// - A frame without a look ahead that follows an abandoned frame of the same view counts as its end.
+    ///   Call [`HardwareQueries::invalidate`] before it unless the same objects are drawn again.
+    /// - If scene, view or origin change between the looks at a frame, the next look begins a frame. The
+    ///   engine then clears the depth buffer, and draws this frame anew.
+    ///
+    /// ```
+    /// # use visibility_core::{Aabb, Culler, FrustumCuller, ObjectId, Pose, Scene, View, VisibleSet};
+    /// # use visibility_core::glam::DVec3;
+    /// # use visibility_core::{OcclusionCuller, occlusion::{HardwareQueries, LateAnswers, QueryDevice}};
+    /// # struct Card;
+    /// # impl QueryDevice for Card {
+    /// #     fn ask(&mut self, _: u64, _: &[Aabb]) {}
+    /// #     fn answers(&mut self, _: &mut dyn FnMut(u64, u32)) {}
+    /// # }
+    /// # impl Card { fn wait(&mut self) {} }
+    /// fn frame(
+    ///     culler: &mut OcclusionCuller<HardwareQueries<Card>>, scene: &Scene, view: &View,
+    ///     visible: &mut VisibleSet, mut draw_once: impl FnMut(ObjectId),
+    /// ) {
+    ///     for is_ahead in [true, false] {
+    ///         visible.fill(scene, view);
+    ///         FrustumCuller::new().cull(scene, view, visible);
+    ///         if is_ahead {
+    ///             culler.look_ahead(scene, view, visible, 0);
+    ///         } else {
+    ///             culler.cull(scene, view, visible);
+    ///         }
+    ///         visible.iter(scene).for_each(&mut draw_once); // but for what the frame has drawn
+    ///         culler.map_mut().device_mut().wait();
+    ///     }
+    /// }
+    /// # let mut culler = OcclusionCuller::new(HardwareQueries::new(Card, LateAnswers::Visible));
+    /// # let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 9.0);
+    /// # frame(&mut culler, &Scene::new(), &view.unwrap(), &mut VisibleSet::new(), |_| {});
+    /// ```
+    pub fn look_ahead(
+        &mut self,
+        scene: &Scene,
+        view: &View,
+        visible: &mut VisibleSet,
+        look: u32,
+    ) -> CullStats {
+        // The cull begins a look of the map, which takes the number.
+        self.map_mut().next_look_ahead = Some(look);
+        let stats = self.cull(scene, view, visible);
+        self.map_mut().is_ahead = false;
+        stats
     }
 }
