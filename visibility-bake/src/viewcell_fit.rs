@@ -338,11 +338,11 @@ mod tests {
         let cells = [0.0, 2.0].map(|x| Viewcell::from_box(DVec3::X * x, DVec3::new(x + 2.0, 2.0, 2.0)));
         let budget = ViewcellBudget::new(0, DVec3::splat(1e-300));
         let mut fit = ViewcellFit { max_viewcells: 7, ..ViewcellFit::new(budget, cells) };
-        let mut divided = Vec::new();
-        while !fit.is_done() {
+        let divided = [(); 4].map(|()| {
             let open = CellSandwich { open: [0].into(), ..CellSandwich::default() };
-            divided.push(fit.take_in(vec![open; fit.waiting().count()], |_| 1).divided);
-        }
-        assert_eq!(divided, [2, 3, 0], "viewcells divided at each depth: 2 become 4, then 7");
+            fit.take_in(vec![open; fit.waiting().count()], |_| 1).divided
+        });
+        assert_eq!(divided, [2, 3, 0, 0], "viewcells divided at each depth: 2 become 4, then 7");
+        assert!(fit.is_done(), "no viewcell is waiting");
     }
 }
