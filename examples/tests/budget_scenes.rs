@@ -54,10 +54,13 @@ fn judge(arguments: &[&str], judged: usize) -> [usize; 3] {
     [before, cells.len(), hidden]
 }
 
+/// Arguments for a bake without proofs, which take minutes.
+const QUICK: [&str; 4] = ["--gap", "100%", "--rays", "20"];
+
 #[test]
 fn nothing_sampled_is_left_out_of_fitted_viewcells() {
     let office = ["office:1,8", "--cells", "walks", "--budget", "6k-triangles", "--agree", "5%"];
-    let [before, after, hidden] = judge(&office, 8);
+    let [before, after, hidden] = judge(&[&office[..], &QUICK].concat(), 8);
     assert!(after > before && hidden > 0, "{before} viewcells, then {after}; {hidden} objects hidden");
 }
 
@@ -67,9 +70,8 @@ fn nothing_sampled_is_left_out_of_fitted_viewcells_of_a_town() {
     let town = stored("denhaag.vscn");
     let town = town.to_str().unwrap();
     let over = "--over=-10,-10,1,10,10,3";
-    // Without proofs, which take minutes.
-    let quick = ["--size", "10,10,2", "--least", "5,5,2", "--gap", "100%", "--rays", "20"];
-    let [before, after, hidden] = judge(&[&[town, over, "--budget", "5k"], &quick[..]].concat(), 6);
+    let sizes = ["--size", "10,10,2", "--least", "5,5,2", "--budget", "5k"];
+    let [before, after, hidden] = judge(&[&[town, over], &sizes[..], &QUICK].concat(), 6);
     assert!(after >= before && hidden > 0, "{before} viewcells, then {after}; {hidden} objects hidden");
 }
 
@@ -97,9 +99,11 @@ fn a_bake_with_a_budget_that_is_killed_has_the_bytes_of_one_that_is_not() {
         names.filter_map(|name| fs::read(folder.join(&name)).ok().map(|bytes| (name, bytes))).collect()
     };
     let mut random = Random(41);
-    let (mut kills, mut resumed, mut depths) = (0, 0, 0);
+    let (mut kills, mut resumed, mut depths, mut bakes) = (0, 0, 0, 0);
     while kills < KILLS || depths == 0 {
         assert!(kills < 10 * KILLS, "the bake never gets beyond a depth");
+        assert!(bakes < 20 * KILLS, "{bakes} bakes, of which all but {kills} end before they are killed");
+        bakes += 1;
         let before = saved();
         let mut running = start(&killed, ["1", "2"][kills % 2]);
         // The bake goes on for some writes, so that several depths are reached before the last kill.

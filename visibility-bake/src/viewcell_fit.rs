@@ -11,6 +11,7 @@
 //! report it. A viewpoint in two merged viewcells lies in one of the two, whose set is part of the union.
 
 use crate::cell_sandwich::CellSandwich;
+use crate::grid::Grid;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use visibility_core::glam::DVec3;
@@ -18,6 +19,10 @@ use visibility_core::pvs::Viewcell;
 
 /// Greatest number of times that a viewcell is halved.
 const MAX_DEPTH: u32 = 32;
+
+/// Greatest number of viewcells that halving may lead to. More that are given to [`ViewcellFit::new`] are
+/// kept, and not halved.
+const MAX_VIEWCELLS: usize = Grid::LIMIT;
 
 /// Budget that viewcells are fitted to.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -105,6 +110,8 @@ pub struct ViewcellFit {
     budget: ViewcellBudget,
     /// Number of halvings after which a viewcell is not divided, at most [`MAX_DEPTH`].
     max_depth: u32,
+    /// Number of viewcells, kept and waiting, from which on none is divided: [`MAX_VIEWCELLS`].
+    max_viewcells: usize,
     /// Viewcells that are not divided further, with their results.
     kept: Vec<(Part, CellSandwich)>,
     /// Viewcells without a result, each with the objects that the viewcell of which it is a half reports.
@@ -117,7 +124,7 @@ impl ViewcellFit {
     pub fn new(budget: ViewcellBudget, cells: impl IntoIterator<Item = Viewcell>) -> Self {
         let part = |(root, cell)| (Part { cell, root, depth: 0, path: 0 }, None);
         let waiting = cells.into_iter().enumerate().map(part).collect();
-        Self { budget, max_depth: MAX_DEPTH, kept: Vec::new(), waiting }
+        Self { budget, max_depth: MAX_DEPTH, max_viewcells: MAX_VIEWCELLS, kept: Vec::new(), waiting }
     }
 
     /// Returns whether no viewcell is waiting for a result.
@@ -142,18 +149,23 @@ impl ViewcellFit {
     }
 
     /// Takes in the results of the [waiting](Self::waiting) viewcells, in their order. The halves of those
-    /// over budget are waiting afterwards. `cost` returns the cost of the object of an index. A viewcell
-    /// beyond the end of `found` keeps all that the viewcell reports of which it is a half; if it is no half,
-    /// it goes on waiting. Results beyond the last waiting viewcell are ignored.
+    /// over budget are waiting afterwards, as long as there are fewer than 2^24 viewcells. `cost` returns the
+    /// cost of the object of an index. A viewcell beyond the end of `found` is not divided: it keeps all that
+    /// the viewcell reports of which it is a half; if it is no half, it goes on waiting. Results beyond the
+    /// last waiting viewcell are ignored.
     pub fn take_in(
         &mut self,
         found: impl IntoIterator<Item = CellSandwich>,
         cost: impl Fn(u32) -> u64,
     ) -> Division {
         let mut division = Division::default();
-        let mut found = found.into_iter();
+        let mut results = found.into_iter();
+        let mut viewcells = self.kept.len() + self.waiting.len();
         for (part, known) in std::mem::take(&mut self.waiting) {
-            let mut found = match (found.next(), &known) {
+            let result = results.next();
+            // A half without a result reports what the whole does, and so would the halves of this half.
+            let may_be_divided = result.is_some() && viewcells < self.max_viewcells;
+            let mut found = match (result, &known) {
                 (Some(found), _) => found,
                 (None, Some(known)) => CellSandwich { open: known.clone(), ..CellSandwich::default() },
                 (None, None) => {
@@ -169,8 +181,9 @@ impl ViewcellFit {
             let sum = cost_of(&found, &cost);
             division.evaluated += 1;
             division.over_budget += usize::from(sum > self.budget.cost);
-            match self.halves_of(&part).filter(|_| sum > self.budget.cost) {
+            match self.halves_of(&part).filter(|_| may_be_divided && sum > self.budget.cost) {
                 Some(halves) => {
+                    viewcells += 1;
                     let known: Arc<[u32]> = found.reported().as_ref().into();
                     division.divided += 1;
                     for (bit, cell) in (0..).zip(halves) {
@@ -314,4 +327,22 @@ fn union(a: &[u32], b: &[u32]) -> Vec<u32> {
     all.sort_unstable();
     all.dedup();
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn division_ends_at_the_greatest_number_of_viewcells() {
+        let cells = [0.0, 2.0].map(|x| Viewcell::from_box(DVec3::X * x, DVec3::new(x + 2.0, 2.0, 2.0)));
+        let budget = ViewcellBudget::new(0, DVec3::splat(1e-300));
+        let mut fit = ViewcellFit { max_viewcells: 7, ..ViewcellFit::new(budget, cells) };
+        let divided = [(); 4].map(|()| {
+            let open = CellSandwich { open: [0].into(), ..CellSandwich::default() };
+            fit.take_in(vec![open; fit.waiting().count()], |_| 1).divided
+        });
+        assert_eq!(divided, [2, 3, 0, 0], "viewcells divided at each depth: 2 become 4, then 7");
+        assert!(fit.is_done(), "no viewcell is waiting");
+    }
 }

@@ -208,6 +208,20 @@ fn halves_report_nothing_that_the_whole_does_not() {
 }
 
 #[test]
+fn halves_without_a_result_are_not_divided() {
+    let whole = Viewcell::from_box(DVec3::ZERO, DVec3::splat(2.0));
+    let mut fit = ViewcellFit::new(ViewcellBudget::new(0, DVec3::splat(1e-300)), [whole]);
+    let mut open = CellSandwich::default();
+    open.open = [1].into();
+    assert_eq!(fit.take_in([open], cost).divided, 1, "the whole is over budget");
+    let division = fit.take_in([], cost);
+    assert_eq!((division.evaluated, division.over_budget, division.divided), (2, 2, 0), "both halves");
+    assert!(fit.is_done(), "halves without a result are kept");
+    let (cells, sets) = fit.finish(cost);
+    assert_eq!((cells.len(), sets[0].reported().to_vec()), (1, vec![1]), "the whole again");
+}
+
+#[test]
 fn viewcells_that_cannot_be_divided_or_merged_stay() {
     let plane = |x: f64| vec![Plane::new(DVec3::X, x)];
     let cell = |x: f64, planes: Vec<Plane>| Viewcell {

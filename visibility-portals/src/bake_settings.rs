@@ -54,7 +54,8 @@ impl BakerSettings {
 
     /// Sets the maximum number of portals by which a chain is extended beyond its first portal. Everything
     /// that lines through the last portal of such a chain might still reach counts as visible. Smaller depths
-    /// take less time and show the same cells or more, never fewer. 0 tests no chains: two portals count as
+    /// take less time. At any depth, no target is hidden that a line of sight reaches. On all maps tried, a
+    /// smaller depth shows all targets that a greater one shows. 0 tests no chains: two portals count as
     /// passed by one line wherever their planes allow it. Unlimited by default.
     ///
     /// [`ObjectBaker`](crate::ObjectBaker) ignores the depth.

@@ -69,9 +69,11 @@ pub struct Fitted {
     pub cells: Vec<CellSandwich>,
     /// Times of the methods, for all viewcells that were baked in this run, divided ones included.
     pub times: MethodTimes,
-    /// Whether all viewcells of all depths were finished.
+    /// Whether all that can be done was done for all viewcells of all depths. Viewcells that are
+    /// [too large](Self::too_large) do not count against this.
     pub complete: bool,
-    /// Number of viewcells without a search, since too many triangles of instances would be copied.
+    /// Number of viewcells of all depths, divided ones included, without a search, since too many triangles
+    /// of instances would be copied.
     pub too_large: usize,
     /// Number of viewcells in which the time limit cut a stage short.
     pub cut: usize,
@@ -80,9 +82,8 @@ pub struct Fitted {
 /// Bakes the viewcells of a level, divides those over budget and bakes their halves, and so on, and at last
 /// merges neighbours. Replaces the viewcells of the level by those that result. With a limit of time, each
 /// depth has all of the time left, so that viewcells are only divided if the depth before was finished.
-/// `progress` is called with the number of
-/// viewcells of the present depth. Files are named after `base`, the output, and the state file of `settings`
-/// is not used.
+/// `progress` is called with the number of viewcells of the present depth. Files are named after `base`, the
+/// output, and the state file of `settings` is not used. The files stay until [`forget_depths`] removes them.
 ///
 /// # Errors
 ///
@@ -113,18 +114,26 @@ pub fn fit(
                 let left = settings.limit.map(|limit| limit.saturating_sub(start.elapsed()));
                 let settings = Run { limit: left, state: state.clone(), ..*settings };
                 let outcome = run(|| level.baker(), &settings, |now| progress(count, now))?;
+                let [groups, swept, .., done] = outcome.stages;
+                // Nothing is left to do where a viewcell is too large to be searched. Its halves may not be.
+                let is_finished = done + outcome.too_large == count;
+                // The same depth without a limit of time has the same results.
+                let is_whole = is_finished && outcome.cut == 0 && (groups, swept) == (count, count);
                 all.times = [all.times, outcome.times.iter().sum()].iter().sum();
                 all.too_large += outcome.too_large;
                 all.cut += outcome.cut;
-                all.complete &= outcome.complete;
-                if outcome.complete {
+                all.complete &= is_finished;
+                if is_whole {
                     let shard = Shard::new(level.fingerprint(), outcome);
                     write(&file, &shard.to_bytes())?;
                     forget(&state);
                     shard.cells
                 } else {
-                    // The time is over. Halves of viewcells without a result would have none either.
-                    fit.end_division();
+                    // A shard does not tell which viewcells the time has cut short. The state does.
+                    if !is_finished {
+                        // The time is over. Halves of viewcells without a result would have none either.
+                        fit.end_division();
+                    }
                     outcome.cells
                 }
             }
@@ -143,11 +152,16 @@ pub fn fit(
     Ok(Fitted { cells, ..all })
 }
 
-/// Removes the files of all depths of a bake whose result is stored.
+/// Removes the files of all depths of a bake whose result is stored: results and states.
 pub fn forget_depths(base: &Path) {
-    let mut files = (0..).map(|depth| depth_file(base, depth));
-    // The first depth without a file ends this.
-    while files.next().is_some_and(|file| std::fs::remove_file(file).is_ok()) {}
+    for depth in 0.. {
+        let file = depth_file(base, depth);
+        let removed = [beside(&file, ".state"), file].map(|file| std::fs::remove_file(file).is_ok());
+        // The first depth without either file ends this.
+        if removed == [false; 2] {
+            break;
+        }
+    }
 }
 
 /// Returns the path of the file with the results of a finished depth of a bake that writes `base`. The state
@@ -182,6 +196,83 @@ fn finished(file: &Path, level: &Level) -> Result<Option<Vec<CellSandwich>>, Str
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
+    use std::time::Duration;
+
+    /// Returns a new folder for a test, and settings without a limit of time.
+    fn folder(name: &str) -> (PathBuf, Run) {
+        let folder = std::env::temp_dir().join(format!("bake-fit-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let save_every = Duration::from_secs(60);
+        (folder.clone(), Run { threads: 1, limit: None, save_every, state: folder.join("unused") })
+    }
+
+    /// Returns the names of the files in a folder, sorted.
+    fn names(folder: &Path) -> Vec<String> {
+        let names = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name());
+        let mut names: Vec<String> = names.map(|name| name.into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn viewcells_that_are_too_large_to_be_searched_are_divided() {
+        let (folder, settings) = folder("large");
+        let base = folder.join("set");
+        let mut level = Level::of_copies();
+        let budget = ViewcellBudget::new(0, DVec3::new(0.5, 0.0, 0.0));
+        let fitted = fit(&mut level, budget, &settings, &base, |_, _| {}).unwrap();
+        assert!(fitted.too_large > 0, "the whole viewcell is too large");
+        assert!(fitted.complete, "nothing more can be done");
+        let reported: Vec<usize> = fitted.cells.iter().map(|found| found.reported().len()).collect();
+        // Sweeps find objects beyond the wall hidden from viewcells that do not reach through it.
+        let least = reported.iter().min();
+        assert!(least.is_some_and(|&least| least < 500), "objects that the viewcells report: {reported:?}");
+        assert_eq!(names(&folder), ["set.depth0", "set.depth1", "set.depth2"], "files of finished depths");
+        forget_depths(&base);
+        assert!(names(&folder).is_empty(), "no file is left");
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn results_that_the_time_has_cut_short_are_no_finished_depth() {
+        let (folder, settings) = folder("cut");
+        let base = folder.join("set");
+        let budget = ViewcellBudget::new(u64::MAX, DVec3::ZERO);
+        // The first pause takes the time of the sweeps. On a busy machine, the rest of a short limit may be
+        // too little for the searches.
+        let cut = [1, 4, 16, 64].into_iter().map(Duration::from_secs).find_map(|limit| {
+            let mut pause = Some(limit.mul_f64(0.9));
+            let settings = Run { limit: Some(limit), ..settings.clone() };
+            let fitted = fit(&mut Level::of_eight_viewcells(), budget, &settings, &base, |_, _| {
+                pause.take().into_iter().for_each(std::thread::sleep);
+            });
+            let Fitted { complete, cut, .. } = fitted.unwrap();
+            let is_cut = complete && cut > 0;
+            if !is_cut {
+                forget_depths(&base);
+            }
+            is_cut.then_some(cut)
+        });
+        let cut = cut.expect("a bake that the time cuts short, and that is complete");
+        assert_eq!(names(&folder), ["set.depth0.state"], "files of a depth that is cut short");
+        let again = fit(&mut Level::of_eight_viewcells(), budget, &settings, &base, |_, _| {}).unwrap();
+        assert_eq!((again.complete, again.cut), (true, cut), "a run without a limit tells what is cut short");
+        forget_depths(&base);
+        assert!(names(&folder).is_empty(), "no file is left");
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn files_and_states_of_all_depths_are_forgotten() {
+        let (folder, _) = folder("forget");
+        for name in ["set.depth0.state", "set.depth1", "set.depth2", "set.depth2.state", "other.depth0"] {
+            std::fs::write(folder.join(name), []).unwrap();
+        }
+        forget_depths(&folder.join("set"));
+        assert_eq!(names(&folder), ["other.depth0"], "files that are left");
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
 
     #[test]
     fn budgets_are_numbers_of_triangles() {

@@ -249,7 +249,10 @@ fn append(writer: &mut TiledSceneWriter, object: SourceObject) -> Result<(), Lev
 mod tests {
     use super::*;
     use crate::bake::{Run, run};
+    use glam::DAffine3;
     use std::time::Duration;
+    use visibility_core::pvs::Viewcell;
+    use visibility_core::scene::SharedTriangles;
 
     #[derive(clap::Parser)]
     struct Only {
@@ -263,6 +266,38 @@ mod tests {
             let arguments = "bake london:1,1 --size 16,16,4 --over 0,0,0,64,32,4 --gap 100% --rays 20";
             let Only { job } = clap::Parser::parse_from(arguments.split(' '));
             Self::open(&job, Path::new(""), || false).unwrap()
+        }
+
+        /// Returns a level with one viewcell of 2 m along x, and a wall across it at x = 1.1 m. On each side
+        /// of the wall are 300 copies of a mesh of 2^12 triangles: a search may copy those of one side, and
+        /// not those of both.
+        pub(in crate::bake) fn of_copies() -> Self {
+            let strip = |i: usize| {
+                let corner = |x: usize, z: f32| Vec3::new(x as f32 * 1e-4, 0.0, z);
+                [corner(i, 0.0), corner(i + 1, 0.0), corner(i, 1.0)]
+            };
+            let mesh = SharedTriangles::from((0..1 << 12).map(strip).collect::<Vec<_>>());
+            let corner = |y: f32, z: f32| Vec3::new(1.1, y, z);
+            let [a, b, c, d] =
+                [corner(-90.0, -90.0), corner(90.0, -90.0), corner(90.0, 90.0), corner(-90.0, 90.0)];
+            let mut objects = vec![SourceObject::new("wall", vec![[a, b, c], [a, c, d]])];
+            for i in 0..600 {
+                let x = if i % 2 == 0 { -4.0 } else { 6.0 };
+                let at = DVec3::new(x, f64::from(i / 2 % 20), f64::from(i / 40));
+                let triangles = mesh.placed(DAffine3::from_translation(at));
+                objects.push(SourceObject { opaque: false, ..SourceObject::new("copy", triangles) });
+            }
+            let world = world(SceneSource { objects, ..SceneSource::new("copies", Vec3::Z, 0.01) });
+            Self {
+                name: "copies".to_owned(),
+                viewcells: Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::new(2.0, 1.0, 1.0))]),
+                up: Vec3::Z,
+                eyes: Vec::new(),
+                content: Content::World(Box::new(world)),
+                settings: SandwichSettings::default().with_gap(1.0).with_rays(1),
+                gap: 1.0,
+                cache: Arc::default(),
+            }
         }
     }
 

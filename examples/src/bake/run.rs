@@ -80,8 +80,10 @@ pub fn run<'a>(
                 match bake.advance_unless(|| !is_first() && is_due(), is_over) {
                     Some(now) => progress(now),
                     None => {
-                        // The caller has yet to write the result. If that fails, the work is not lost.
-                        if start.elapsed() >= run.save_every {
+                        // The caller has yet to write the result. If that fails, the work is not lost. Work
+                        // within a limit of time cannot be repeated with the same results, so it is saved
+                        // however little it is.
+                        if start.elapsed() >= run.save_every || run.limit.is_some() {
                             save(&bake);
                         }
                         return Ok(bake.finish());

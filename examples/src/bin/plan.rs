@@ -147,9 +147,14 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     if let Some(median) = times.get(times.len() / 2) {
         eprintln!("{} eyes, {median:.2} us in the median", times.len());
     }
-    let picture = draw(arguments, &file, &plan)?;
-    if let Some(path) = &arguments.svg {
-        write(path, picture.as_bytes())?;
+    // The answers to these questions are found while they are drawn.
+    let Arguments { svg, region, hide, guards, path, .. } = arguments;
+    let is_asked = !region.is_empty() || hide.is_some() || guards.is_some() || !path.is_empty();
+    if is_asked || svg.is_some() {
+        let picture = draw(arguments, &file, &plan)?;
+        if let Some(path) = svg {
+            write(path, picture.as_bytes())?;
+        }
     }
     Ok(write_json(arguments, &json)?)
 }
