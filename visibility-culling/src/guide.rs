@@ -39,6 +39,7 @@ pub mod shadows {}
 pub mod moving {}
 
 #[doc = include_str!("../guide/levels_of_detail.md")]
+#[cfg(feature = "plp")]
 pub mod levels_of_detail {}
 
 #[doc = picture!("region-london-20m.svg")]
