@@ -33,8 +33,7 @@ pub fn divide(object: SourceObject, most: usize, each: &mut dyn FnMut(SourceObje
             .iter()
             .map(|&i| center(i))
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
-        let size = high - low;
-        let axis = (1..3).fold(0, |most, axis| if size[axis] > size[most] { axis } else { most });
+        let axis = (high - low).max_position();
         // A multiple of `most` in the first half, so that few pieces are smaller than they may be.
         let middle = (part.len() / 2).next_multiple_of(most).min(part.len() - 1);
         part.select_nth_unstable_by(middle, |&a, &b| {

@@ -5,6 +5,7 @@
 //! polyline, as a walking person does: the view turns into a corner before the feet do.
 
 use glam::{DVec3, Vec3};
+use visibility_core::{Pose, View, view::ViewError};
 
 /// Key of a walk: the positions of the eye and of the point it looks at, in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,6 +30,19 @@ pub struct Walk {
 }
 
 impl Walk {
+    /// Returns the pose of a camera of this walk, and its view: a picture of `size` pixels, a near plane
+    /// `near` metres ahead and no far plane.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ViewError`] for a camera that is no view.
+    pub fn view(&self, camera: CameraKey, near: f32, size: (u32, u32)) -> Result<(Pose, View), ViewError> {
+        let pose = Pose::look_at(camera.eye, camera.target, self.up.as_dvec3());
+        let fov_y = f64::from(self.fov_y_degrees).to_radians();
+        let aspect = f64::from(size.0) / f64::from(size.1);
+        Ok((pose, View::perspective(pose, fov_y, aspect, f64::from(near), f64::INFINITY)?))
+    }
+
     /// Moves all eyes and targets by a vector in metres.
     pub fn translate(&mut self, by: DVec3) {
         self.map(|point| point + by);

@@ -65,6 +65,7 @@ mod serial;
 pub mod simd;
 pub mod stamp;
 mod test_plane;
+pub mod union_find;
 pub mod view;
 pub mod visible_set;
 pub mod walk;

@@ -264,7 +264,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         sorted.reserve(cells);
         while let Some(cell) = walk.next() {
             if walk.step(&frame, cell, keep) == Projected::OutOfBudget {
-                // The cell has further layers to be projected.
+                // The cell may have layers left.
                 walk.put_back(cell);
                 break;
             }

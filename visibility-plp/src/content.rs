@@ -255,7 +255,8 @@ impl Content {
 }
 
 /// Returns, by object index, the surface class of every object and the bound on how far its normal leans from
-/// the nearest axis. Unused indices hold the default class and [`UNKNOWN_LEAN`].
+/// the nearest axis. Unused indices hold the default class and [`UNKNOWN_LEAN`]. Also returns the free
+/// distance in metres that counts as an openness of 1.
 fn classes_of(scene: &Scene) -> (Vec<(SurfaceClass, MaxLean)>, f32) {
     let (openness, far) = openness_by_index(scene);
     let mut classes = alloc::vec![(SurfaceClass::default(), UNKNOWN_LEAN); scene.index_limit()];

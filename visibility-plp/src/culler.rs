@@ -54,8 +54,6 @@ pub struct PlpCuller<S> {
     /// True if objects beyond the budget stay in the set, so that the culler only sorts.
     keep_all: bool,
     walk: Walk,
-    /// How much of the budget the last frame took.
-    spent: u64,
 }
 
 impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
@@ -63,13 +61,7 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
     /// Defaults: [`Solidity::Coverage`], back faces count as visible, objects beyond the budget are dropped.
     /// O(1).
     pub fn new(tessellation: S, budget: Budget) -> Self {
-        Self {
-            tessellation,
-            settings: PlpSettings::new(budget),
-            keep_all: false,
-            walk: Walk::default(),
-            spent: 0,
-        }
+        Self { tessellation, settings: PlpSettings::new(budget), keep_all: false, walk: Walk::default() }
     }
 
     /// Sets the estimate of how likely a cell is hidden, which orders the cells. [`Solidity::Coverage`] by
@@ -106,7 +98,7 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
     /// Includes the objects in no cell. 0 before the first frame, and after a frame whose scene the
     /// tessellation was not made from.
     pub fn spent(&self) -> u64 {
-        self.spent
+        self.walk.spent
     }
 
     /// Culls like [`cull`](Culler::cull), and asks `keep` before each object is kept: the object and its
@@ -155,7 +147,6 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
         let frustum = CellFrustum::new(view, scene.origin(), &tessellation.bounds());
         let frame = FrameContext { tessellation, scene, visible, frustum, settings: self.settings };
         let walk = &mut self.walk;
-        self.spent = 0;
         if !walk.begin(&frame, &mut keep) {
             return CullStats::default().with_visible(visible.count(scene) as u64);
         }
@@ -168,7 +159,6 @@ impl<S: Deref<Target: Tessellation>> PlpCuller<S> {
         if result == Projected::Complete {
             walk.emit(&frame, 0.0, &mut keep);
         }
-        self.spent = walk.order.iter().map(|&id| frame.cost(id)).fold(0, u64::saturating_add);
         let stats = CullStats::default().with_nodes(walk.projected).with_tests(walk.reached);
         if self.keep_all {
             visible.order_first(scene, &walk.order);

@@ -35,3 +35,20 @@ pub(crate) fn published_crates(root: &Path) -> Result<Vec<PathBuf>, String> {
 pub(crate) fn package_name(folder: &Path) -> String {
     folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
+
+/// Returns the Rust files in and below some folders, without those of folders named `target`. Returns an
+/// error for the first folder that cannot be read.
+pub(crate) fn rust_files(mut folders: Vec<PathBuf>) -> Result<Vec<PathBuf>, String> {
+    let mut files = Vec::new();
+    while let Some(folder) = folders.pop() {
+        let entries = std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        for path in entries.filter_map(|entry| Some(entry.ok()?.path())) {
+            if path.is_dir() && path.file_name().is_some_and(|name| name != "target") {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                files.push(path);
+            }
+        }
+    }
+    Ok(files)
+}

@@ -14,7 +14,7 @@ mod package;
 mod public_items;
 mod signature;
 
-use crate::crates::crates;
+use crate::crates::{crates, rust_files};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -89,19 +89,9 @@ fn check_cycles(root: &Path) -> Result<usize, String> {
 /// Returns the Rust files of all crates below `root`, and the fuzz targets. Returns an error for the first
 /// folder that cannot be read.
 fn sources(root: &Path) -> Result<Vec<PathBuf>, String> {
-    let (mut files, mut folders) = (Vec::new(), crates(root)?);
+    let mut folders = crates(root)?;
     folders.push(root.join("fuzz"));
-    while let Some(folder) = folders.pop() {
-        let entries = std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-        for path in entries.filter_map(|entry| Some(entry.ok()?.path())) {
-            if path.is_dir() && path.file_name().is_some_and(|name| name != "target") {
-                folders.push(path);
-            } else if path.extension().is_some_and(|extension| extension == "rs") {
-                files.push(path);
-            }
-        }
-    }
-    Ok(files)
+    rust_files(folders)
 }
 
 /// Prints each module file that lies beside the folder of its submodules, and should be `mod.rs` inside it.

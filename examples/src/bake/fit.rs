@@ -115,7 +115,8 @@ pub fn fit(
                 let settings = Run { limit: left, state: state.clone(), ..*settings };
                 let outcome = run(|| level.baker(), &settings, |now| progress(count, now))?;
                 let [groups, swept, .., done] = outcome.stages;
-                // Nothing is left to do where a viewcell is too large to be searched. Its halves may not be.
+                // A viewcell that is too large to be searched counts as finished. Its halves may be small
+                // enough.
                 let is_finished = done + outcome.too_large == count;
                 // The same depth without a limit of time has the same results.
                 let is_whole = is_finished && outcome.cut == 0 && (groups, swept) == (count, count);

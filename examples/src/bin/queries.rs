@@ -69,8 +69,8 @@ fn main_with(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
         let mut table = Table::new();
         table.load_style(presets::ASCII_MARKDOWN);
-        let head = ["", "in the frustum", "seen", "drawn", "missing", "wrong pixels", "queries", "boxes"];
-        table.set_header([world.source.name.as_str()].into_iter().chain(head[1..].iter().copied()));
+        let head = ["in the frustum", "seen", "drawn", "missing", "wrong pixels", "queries", "boxes"];
+        table.set_header([world.source.name.as_str()].into_iter().chain(head));
         for (mode_name, mode) in modes {
             let totals = run(&world, &walks, &judged, mode);
             let mean = |sum: u64| format!("{:.2}", sum as f64 / totals.frames.max(1) as f64);

@@ -79,14 +79,14 @@ fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
         Some(file) => Some(read_sets(file, &world)?),
         None => None,
     };
-    let mut prefetch = Prefetch::new();
+    let (mut prefetch, reach) = (Prefetch::new(), reach(&world));
     println!("frame   visible  appeared  vanished  in memory  loads  unloads");
     for (frame, view) in world.views.iter().enumerate() {
         pipeline.cull(&world.scene, view, &mut visible);
         cache.update(&world.scene, &visible);
         if let Some(sets) = &sets {
             let (eye, velocity) = motion(&world, frame);
-            for arrival in prefetch.search(sets, eye, velocity, reach(&world), arguments.ahead) {
+            for arrival in prefetch.search(sets, eye, velocity, reach, arguments.ahead) {
                 cache.announce(&world.scene, arrival.object);
             }
         }
@@ -119,10 +119,10 @@ fn stream(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
             Some(sets) => within(arguments, &world, &mut PvsCuller::new(sets), &mut residency, |_, _| ()),
             None => {
                 // Viewcells hold the box from which lines of sight begin, and some of the way.
-                let side = (4.0 * reach(&world)).max(0.6);
+                let side = (4.0 * reach).max(0.6);
                 let size = on_axes([side, side, side], world.source.up);
                 let wide = on_axes([6.0 * side, 6.0 * side, 2.0 * side], world.source.up);
-                let mut online = OnlinePvs::new(size, wide)?.with_margin(reach(&world));
+                let mut online = OnlinePvs::new(size, wide)?.with_margin(reach);
                 within(arguments, &world, &mut online, &mut residency, |online, places| {
                     online.step(&world.scene, places, arguments.work);
                 });
@@ -162,7 +162,8 @@ fn within<S: HiddenSets>(
     mut work: impl FnMut(&mut S, &[DVec3]),
 ) {
     let size = |id: ObjectId| world.scene.object(id).map_or(0, |object| u64::from(object.cost) * TRIANGLE);
-    let around = |place: &DVec3| [*place - reach(world), *place + reach(world)];
+    let reach = reach(world);
+    let around = |place: &DVec3| [*place - reach, *place + reach];
     let [mut loaded, mut dropped, mut peak] = [0; 3];
     let [mut complete, mut late] = [0; 2];
     let mut hidden = Bits::EMPTY;

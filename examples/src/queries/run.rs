@@ -5,7 +5,7 @@ use crate::walkthrough::World;
 use crate::{SceneSource, Walk};
 use visibility_core::occlusion::{HardwareQueries, LateAnswers};
 use visibility_core::view::ViewError;
-use visibility_core::{Culler, FrustumCuller, OcclusionCuller, Pose, View, VisibleSet};
+use visibility_core::{Culler, FrustumCuller, OcclusionCuller, View, VisibleSet};
 use visibility_measure::{Comparison, SampledVisibility};
 
 /// Way to use queries.
@@ -52,14 +52,10 @@ pub fn successive_views(
     source: &SceneSource,
     frames: usize,
     step: f64,
-    (width, height): (u32, u32),
+    size: (u32, u32),
 ) -> Result<Vec<Vec<View>>, ViewError> {
     let view = |walk: &Walk, position: f64| {
-        let camera = walk.at(position)?;
-        let pose = Pose::look_at(camera.eye, camera.target, walk.up.as_dvec3());
-        let aspect = f64::from(width) / f64::from(height);
-        let fov_y = f64::from(walk.fov_y_degrees).to_radians();
-        Some(View::perspective(pose, fov_y, aspect, f64::from(source.near), f64::INFINITY))
+        Some(walk.view(walk.at(position)?, source.near, size).map(|(_, view)| view))
     };
     let walk_views = |walk: &Walk| {
         let mut position = walk.keys.len().saturating_sub(1) as f64 / 2.0;

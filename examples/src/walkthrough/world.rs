@@ -51,14 +51,12 @@ impl World {
         if frames.is_empty() {
             return Err(WorldError::NoFrames);
         }
-        let aspect = f64::from(size.0) / f64::from(size.1);
         let mut views = Vec::with_capacity(frames.len());
         let mut poses = Vec::with_capacity(frames.len());
         for (number, frame) in frames.iter().enumerate() {
             let walk = &source.walks[frame.walk];
-            let pose = Pose::look_at(frame.camera.eye, frame.camera.target, walk.up.as_dvec3());
-            let fov_y = f64::from(walk.fov_y_degrees).to_radians();
-            let view = View::perspective(pose, fov_y, aspect, f64::from(source.near), f64::INFINITY)
+            let (pose, view) = walk
+                .view(frame.camera, source.near, size)
                 .map_err(|error| WorldError::View { frame: number, error })?;
             views.push(view);
             poses.push((pose, frame.walk));

@@ -61,13 +61,12 @@ impl ConvexPiece {
 
     /// Appends to `out` the parts outside a wedge, without overlap: what is to the right of its right bound,
     /// and what is to the left of its left bound. Appends the piece uncut if no part with an area is inside.
-    pub(super) fn cut(self, wedge: Wedge, out: &mut Vec<Self>) {
-        if self.inside(wedge).is_none() {
+    pub(super) fn cut(self, [right, left]: Wedge, out: &mut Vec<Self>) {
+        let Some(rest) = self.left_of(right).filter(|rest| rest.left_of(left.reversed()).is_some()) else {
             return out.push(self);
-        }
-        let [right, left] = wedge;
+        };
         out.extend(self.left_of(right.reversed()));
-        out.extend(self.left_of(right).and_then(|rest| rest.left_of(left)));
+        out.extend(rest.left_of(left));
     }
 
     /// Returns whether the piece and another have a common part with an area.

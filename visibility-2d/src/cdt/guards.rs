@@ -130,10 +130,6 @@ fn standing(plan: &Plan, point: Point) -> Option<(Point, Place)> {
     is_free.then_some((point, place))
 }
 
-fn corners(plan: &Plan, triangle: u32) -> [Point; 3] {
-    [0, 1, 2].map(|k| plan.start(3 * triangle + k))
-}
-
 /// Returns the mean of a triangle's corners with weights that sum to 1.
 fn weighted(corners: [Point; 3], weights: [f64; 3]) -> Point {
     [0, 1].map(|axis| (0..3).map(|k| weights[k] * corners[k][axis]).sum())
@@ -147,7 +143,7 @@ fn cover(plan: &Plan, mut left: UnseenRegion) -> (Vec<(Point, SeenCones)>, Unsee
     let triangles: Vec<u32> =
         (0..).zip(&left.pieces).filter(|(_, pieces)| !pieces.is_empty()).map(|(t, _)| t).collect();
     for &t in &triangles {
-        let middle = weighted(corners(plan, t), [1.0 / 3.0; 3]);
+        let middle = weighted(plan.corners(t), [1.0 / 3.0; 3]);
         let edges = (3 * t..3 * t + 3)
             .filter(|&h| plan.edges[h as usize].twin().is_some_and(|twin| h < twin) && !plan.is_solid(h))
             .map(|h| plan.ends(h))
@@ -179,10 +175,10 @@ fn cover(plan: &Plan, mut left: UnseenRegion) -> (Vec<(Point, SeenCones)>, Unsee
         left.remove(&seen);
         chosen.push((candidate.point, core::mem::take(&mut seen)));
     }
-    // What is left, no candidate sees. A guard inside a piece's triangle sees all of the triangle.
+    // No candidate sees the pieces that are left. A guard inside a piece's triangle sees all of the triangle.
     for &t in &triangles {
         let Some(piece) = left.pieces[t as usize].first() else { continue };
-        let all = corners(plan, t);
+        let all = plan.corners(t);
         let inside = [piece.middle(), weighted(all, [1.0 / 3.0; 3])];
         let inside = inside.map(|point| standing(plan, point));
         if let Some((point, place)) = inside.into_iter().flatten().find(|p| p.1 == Place::Triangle(t)) {
@@ -200,12 +196,11 @@ fn without_needless(region: &UnseenRegion, guards: &[(Point, SeenCones)]) -> Vec
     // For each triangle, the guards that see a part of it: index and cone, without a cone for all of it.
     let mut seen_by: Vec<Vec<(usize, Option<Wedge>)>> = alloc::vec![Vec::new(); region.pieces.len()];
     for (index, (_, seen)) in guards.iter().enumerate() {
-        seen.whole.iter().for_each(|&t| seen_by[t as usize].push((index, None)));
-        seen.cones.iter().for_each(|&(t, wedge)| seen_by[t as usize].push((index, Some(wedge))));
+        seen.parts().for_each(|(t, wedge)| seen_by[t as usize].push((index, wedge)));
     }
     let mut is_kept = alloc::vec![true; guards.len()];
     for (index, (_, seen)) in guards.iter().enumerate().rev() {
-        let is_seen_by_others = |&t: &u32| {
+        let is_seen_by_others = |t: u32| {
             let mut pieces = region.pieces[t as usize].clone();
             for &(other, wedge) in seen_by[t as usize].iter().filter(|(other, _)| *other != index) {
                 if pieces.is_empty() || is_kept[other] && wedge.is_none() {
@@ -217,17 +212,9 @@ fn without_needless(region: &UnseenRegion, guards: &[(Point, SeenCones)]) -> Vec
             }
             pieces.is_empty()
         };
-        let triangles = seen.whole.iter().chain(seen.cones.iter().map(|(t, _)| t));
-        is_kept[index] = !{ triangles }.all(is_seen_by_others);
+        is_kept[index] = !seen.parts().all(|(t, _)| is_seen_by_others(t));
     }
     (0..guards.len()).filter(|&index| is_kept[index]).collect()
-}
-
-/// Part of a triangle from which a witness may be seen.
-#[derive(Clone, Copy)]
-enum Claim {
-    Whole,
-    Wedge(Wedge),
 }
 
 /// Returns points of a region such that no point off the walls sees two of them, as many as a greedy choice
@@ -249,7 +236,7 @@ fn witnesses(plan: &Plan, region: &UnseenRegion) -> Vec<Point> {
         let side = 0.5 - 0.5 * NEAR_CORNER;
         let near = [[NEAR_CORNER, side, side], [side, NEAR_CORNER, side], [side, side, NEAR_CORNER]];
         for weights in near.into_iter().chain([[1.0 / 3.0; 3]]) {
-            let point = weighted(corners(plan, t), weights);
+            let point = weighted(plan.corners(t), weights);
             if let Some((point, Place::Triangle(at))) = standing(plan, point)
                 && at == t
             {
@@ -261,35 +248,33 @@ fn witnesses(plan: &Plan, region: &UnseenRegion) -> Vec<Point> {
     }
     candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
     let is_free = |h: u32| plan.fan(h).all(|h| !plan.is_solid(h));
-    let mut claims: Vec<Vec<Claim>> = alloc::vec![Vec::new(); plan.triangle_count()];
+    // For each triangle, the parts claimed: a cone, or `None` for all of it.
+    let mut claims: Vec<Vec<Option<Wedge>>> = alloc::vec![Vec::new(); plan.triangle_count()];
     let mut witnesses = Vec::new();
-    let mut own: Vec<(u32, Claim)> = Vec::new();
+    let mut own: Vec<(u32, Option<Wedge>)> = Vec::new();
     for (_, point, t) in candidates {
-        if claims[t as usize].iter().any(|claim| matches!(claim, Claim::Whole)) {
+        if claims[t as usize].iter().any(Option::is_none) {
             continue;
         }
         seen.look(plan, point, Place::Triangle(t), true);
         own.clear();
-        own.extend(seen.whole.iter().map(|&t| (t, Claim::Whole)));
-        own.extend(seen.cones.iter().map(|&(t, wedge)| (t, Claim::Wedge(wedge))));
+        own.extend(seen.parts());
         for index in 0..own.len() {
             let t = own[index].0;
             for h in 3 * t..3 * t + 3 {
                 let [a, b] = plan.ends(h);
                 let twin = plan.edges[h as usize].twin();
                 let is_grazed = !plan.is_solid(h) && orient(a, b, point) == 0.0;
-                own.extend(twin.filter(|_| is_grazed).map(|twin| (twin / 3, Claim::Whole)));
+                own.extend(twin.filter(|_| is_grazed).map(|twin| (twin / 3, None)));
                 if is_free(h) {
-                    own.extend(plan.fan(h).map(|h| (h / 3, Claim::Whole)));
+                    own.extend(plan.fan(h).map(|h| (h / 3, None)));
                 }
             }
         }
         let is_apart = own.iter().all(|&(t, claim)| {
-            claims[t as usize].iter().all(|&other| match (claim, other) {
-                (Claim::Wedge(one), Claim::Wedge(other)) => {
-                    !ConvexPiece::triangle(corners(plan, t)).is_common(one, other)
-                }
-                _ => false,
+            claims[t as usize].iter().all(|&other| {
+                let both = claim.zip(other);
+                both.is_some_and(|(one, other)| !ConvexPiece::triangle(plan.corners(t)).is_common(one, other))
             })
         });
         if is_apart {

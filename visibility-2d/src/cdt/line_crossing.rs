@@ -8,8 +8,9 @@
 //! This work is based on: Jonathan Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
 //! Geometric Predicates", 1997 (sums that do not overlap; a filter before the exact sum).
 
-use super::predicates::{Point, area, cross, exact_product, orient, sum};
+use super::predicates::{Point, area, cross, orient};
 use alloc::vec::Vec;
+use visibility_core::geometry::DoubleDouble;
 
 /// Directed line through two different points of the plan.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -87,10 +88,8 @@ impl Line {
         let (mut a, mut b, mut c) = (Sum::default(), Sum::default(), Sum::default());
         [y, -v].into_iter().for_each(|term| a.add(term));
         [u, -x].into_iter().for_each(|term| b.add(term));
-        for (high, low) in [exact_product(x, v), exact_product(-u, y)] {
-            c.add(low);
-            c.add(high);
-        }
+        c.add_all(DoubleDouble::product(x, v));
+        c.add_all(DoubleDouble::product(-u, y));
         (a, b, c)
     }
 
@@ -113,10 +112,10 @@ impl Sum {
     fn add(&mut self, mut term: f64) {
         let mut kept = 0;
         for index in 0..self.0.len() {
-            let (high, low) = sum(term, self.0[index]);
-            term = high;
-            if low != 0.0 {
-                self.0[kept] = low;
+            let DoubleDouble { hi, lo } = DoubleDouble::sum(term, self.0[index]);
+            term = hi;
+            if lo != 0.0 {
+                self.0[kept] = lo;
                 kept += 1;
             }
         }
@@ -126,13 +125,17 @@ impl Sum {
         }
     }
 
+    /// Adds both parts of a number.
+    fn add_all(&mut self, number: DoubleDouble) {
+        self.add(number.lo);
+        self.add(number.hi);
+    }
+
     /// Adds `sign` times the product of two sums.
     fn add_product(&mut self, a: &Self, b: &Self, sign: f64) {
         for &x in &a.0 {
             for &y in &b.0 {
-                let (high, low) = exact_product(sign * x, y);
-                self.add(low);
-                self.add(high);
+                self.add_all(DoubleDouble::product(sign * x, y));
             }
         }
     }

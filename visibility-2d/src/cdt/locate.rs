@@ -3,6 +3,7 @@
 use super::plan::Plan;
 use super::predicates::{Point, orient};
 use super::triangulation::{NONE, Place, next, place_in};
+use alloc::vec::Vec;
 
 /// Maximum number of steps of a walk from the last eye's triangle. A longer walk would take as long as a
 /// binary search.
@@ -59,7 +60,20 @@ impl Plan {
     }
 
     fn place_in(&self, t: u32, point: Point) -> Option<Place> {
-        place_in(core::array::from_fn(|k| self.start(3 * t + k as u32)), t, point)
+        place_in(self.corners(t), t, point)
+    }
+
+    /// Appends the triangles that contain a point at `place`, outlines included. None outside the rectangle.
+    pub(super) fn push_triangles_at(&self, place: Place, out: &mut Vec<u32>) {
+        match place {
+            Place::Triangle(t) => out.push(t),
+            Place::Edge(h) => {
+                let twin = self.edges[h as usize].twin();
+                out.extend([Some(h), twin].into_iter().flatten().map(|h| h / 3));
+            }
+            Place::Vertex(h) => out.extend(self.fan(h).map(|h| h / 3)),
+            Place::Outside => {}
+        }
     }
 
     /// Returns the half-edges that begin at the vertex of `h`, counter-clockwise. At a corner of the outer

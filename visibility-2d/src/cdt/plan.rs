@@ -344,8 +344,12 @@ impl Plan {
     /// Returns the corners of a triangle in counter-clockwise order, in world units. `None` for an unknown
     /// triangle; triangles are numbered from 0.
     pub fn triangle(&self, triangle: u32) -> Option<[[f64; 2]; 3]> {
-        (triangle < self.triangle_count() as u32)
-            .then(|| core::array::from_fn(|k| self.start(3 * triangle + k as u32)))
+        (triangle < self.triangle_count() as u32).then(|| self.corners(triangle))
+    }
+
+    /// Returns the corners of a triangle of the plan, as [`triangle`](Self::triangle) does.
+    pub(crate) fn corners(&self, triangle: u32) -> [Point; 3] {
+        [0, 1, 2].map(|k| self.start(3 * triangle + k))
     }
 
     /// Returns the pieces into which crossings and contacts split the walls: the two ends of each piece, and

@@ -6,6 +6,7 @@
 
 use super::error::PlanError;
 use robust::Coord;
+use visibility_core::geometry::DoubleDouble;
 
 /// Point of the plan: x and y in world units.
 pub(crate) type Point = [f64; 2];
@@ -50,9 +51,8 @@ pub(crate) fn orient_slow(a: Point, b: Point, c: Point) -> f64 {
 /// left. [`orient`] has the same sign, but where the points are nearly collinear its magnitude is not
 /// precise.
 ///
-/// Differences and products are computed exactly, as sums of two numbers: T. J. Dekker, "A Floating-Point
-/// Technique for Extending the Available Precision", 1971. Only terms below 2^-105 of the two products are
-/// left out.
+/// The differences, and the products of their leading parts, are exact: [`DoubleDouble`] numbers. Only terms
+/// below 2^-105 of the two products are left out.
 pub(crate) fn area(a: Point, b: Point, c: Point) -> f64 {
     cross([c, a], [c, b])
 }
@@ -60,36 +60,17 @@ pub(crate) fn area(a: Point, b: Point, c: Point) -> f64 {
 /// Returns the cross product of the vectors from `a` to `b` and from `c` to `d`, with 106 bits of precision
 /// relative to its two products: positive if the second vector turns left from the first.
 pub(super) fn cross([a, b]: [Point; 2], [c, d]: [Point; 2]) -> f64 {
-    let left = product(sum(b[0], -a[0]), sum(d[1], -c[1]));
-    let right = product(sum(b[1], -a[1]), sum(d[0], -c[0]));
-    let (high, low) = sum(left.0, -right.0);
-    high + (low + (left.1 - right.1))
+    let difference = DoubleDouble::difference;
+    let left = product(difference(b[0], a[0]), difference(d[1], c[1]));
+    let right = product(difference(b[1], a[1]), difference(d[0], c[0]));
+    let high = difference(left.hi, right.hi);
+    high.hi + (high.lo + (left.lo - right.lo))
 }
 
-/// Returns the rounded sum, and the error of rounding: the exact sum less the rounded one.
-pub(super) fn sum(a: f64, b: f64) -> (f64, f64) {
-    let sum = a + b;
-    let of_b = sum - a;
-    (sum, (a - (sum - of_b)) + (b - of_b))
-}
-
-/// Returns the product of two numbers, each the sum of a high and a low part, again as high and low part. The
-/// product of the two low parts is left out.
-fn product((a, a_low): (f64, f64), (b, b_low): (f64, f64)) -> (f64, f64) {
-    let (high, low) = exact_product(a, b);
-    (high, low + (a * b_low + a_low * b))
-}
-
-/// Returns the rounded product, and the error of rounding: the exact product less the rounded one.
-pub(super) fn exact_product(a: f64, b: f64) -> (f64, f64) {
-    // Splits a number into two halves of 26 bits. Multiplying by 2^27 + 1 isolates the upper half.
-    let halves = |x: f64| {
-        let moved = 134_217_729.0 * x;
-        let upper = moved - (moved - x);
-        (upper, x - upper)
-    };
-    let (high, (a1, a0), (b1, b0)) = (a * b, halves(a), halves(b));
-    (high, a0 * b0 - (((high - a1 * b1) - a0 * b1) - a1 * b0))
+/// Returns the product of two numbers without that of their low parts. The high part is not rounded again.
+fn product(a: DoubleDouble, b: DoubleDouble) -> DoubleDouble {
+    let DoubleDouble { hi, lo } = DoubleDouble::product(a.hi, b.hi);
+    DoubleDouble { hi, lo: lo + (a.hi * b.lo + a.lo * b.hi) }
 }
 
 /// Returns whether `d` lies strictly inside the circle through `a`, `b` and `c`, which turn left. Exact.

@@ -207,7 +207,7 @@ impl Plan {
         }
         let hull = core::mem::take(&mut answer.hull);
         let add = |h: u32, answer: &mut RegionVisibility| {
-            if overlap(&[0, 1, 2].map(|k| self.start(h / 3 * 3 + k)), &hull) {
+            if overlap(&self.corners(h / 3), &hull) {
                 answer.add_triangle(h / 3);
             }
         };
@@ -247,7 +247,7 @@ impl Plan {
         answer: &mut RegionVisibility,
     ) -> Result<(), PlanError> {
         answer.begin(self);
-        answer.hull.extend([0, 1, 2].map(|k| self.start(3 * triangle + k)));
+        answer.hull.extend(self.corners(triangle));
         answer.add_triangle(triangle);
         self.follow_all(answer)
     }

@@ -16,6 +16,7 @@ use super::predicates::{Point, checked};
 use super::triangulation::{NONE, Place};
 use alloc::vec::Vec;
 use visibility_core::stamp::Stamp;
+use visibility_core::union_find::root;
 
 /// Cones of sight of an eye by triangle. Reuses its memory.
 #[derive(Clone, Debug, Default)]
@@ -29,6 +30,12 @@ pub(super) struct SeenCones {
 }
 
 impl SeenCones {
+    /// Returns each triangle seen, with the cone that enters it; `None` for a triangle at the eye.
+    pub(super) fn parts(&self) -> impl Iterator<Item = (u32, Option<Wedge>)> + '_ {
+        let whole = self.whole.iter().map(|&t| (t, None));
+        whole.chain(self.cones.iter().map(|&(t, wedge)| (t, Some(wedge))))
+    }
+
     /// Replaces the cones by those of an eye at `place`. One-way walls stop lines of sight from their right
     /// side, or none if `both_ways` is true.
     pub(super) fn look(&mut self, plan: &Plan, eye: Point, place: Place, both_ways: bool) {
@@ -103,15 +110,11 @@ impl UnseenRegion {
         let mut stack = Vec::new();
         for (index, &start) in starts.iter().enumerate() {
             let start = checked(start, index)?;
-            match plan.locate_near(start, NONE) {
-                Place::Triangle(t) => stack.push(t),
-                Place::Edge(h) => {
-                    let twin = plan.edges[h as usize].twin();
-                    stack.extend([Some(h), twin].into_iter().flatten().map(|h| h / 3));
-                }
-                Place::Vertex(h) => stack.extend(plan.fan(h).map(|h| h / 3)),
-                Place::Outside => return Err(PlanError::Region),
+            let place = plan.locate_near(start, NONE);
+            if place == Place::Outside {
+                return Err(PlanError::Region);
             }
+            plan.push_triangles_at(place, &mut stack);
         }
         if stack.is_empty() {
             return Err(PlanError::Region);
@@ -121,7 +124,7 @@ impl UnseenRegion {
             if !of.is_empty() {
                 continue;
             }
-            of.push(ConvexPiece::triangle([0, 1, 2].map(|k| plan.start(3 * t + k))));
+            of.push(ConvexPiece::triangle(plan.corners(t)));
             for h in 3 * t..3 * t + 3 {
                 stack
                     .extend(plan.edges[h as usize].twin().filter(|_| !plan.is_solid(h)).map(|twin| twin / 3));
@@ -204,14 +207,8 @@ impl UnseenRegion {
     fn pieces_at(&self, plan: &Plan, point: Point) -> Result<Vec<(u32, usize)>, PlanError> {
         self.check(plan)?;
         let point = checked(point, 0)?;
-        let triangles: Vec<u32> = match plan.locate_near(point, NONE) {
-            Place::Triangle(t) => alloc::vec![t],
-            Place::Edge(h) => {
-                [Some(h), plan.edges[h as usize].twin()].into_iter().flatten().map(|h| h / 3).collect()
-            }
-            Place::Vertex(h) => plan.fan(h).map(|h| h / 3).collect(),
-            Place::Outside => Vec::new(),
-        };
+        let mut triangles = Vec::new();
+        plan.push_triangles_at(plan.locate_near(point, NONE), &mut triangles);
         let all = triangles.iter().flat_map(|&t| {
             self.pieces[t as usize].iter().enumerate().map(move |(index, piece)| (t, index, piece))
         });
@@ -236,17 +233,6 @@ impl UnseenRegion {
         first_piece.push(count);
         // A forest of pieces: each points to another piece of its place, and roots to themselves.
         let mut parent: Vec<u32> = (0..count).collect();
-        let mut root = |mut piece: u32, new: Option<u32>| {
-            while parent[piece as usize] != piece {
-                let above = parent[parent[piece as usize] as usize];
-                parent[piece as usize] = above;
-                piece = above;
-            }
-            if let Some(new) = new {
-                parent[piece as usize] = new;
-            }
-            piece
-        };
         for h in 0..plan.edges.len() as u32 {
             let Some(twin) = plan.edges[h as usize].twin().filter(|&twin| h < twin && !plan.is_solid(h))
             else {
@@ -262,8 +248,8 @@ impl UnseenRegion {
             for (one, here) in on(h, Line(a, b)) {
                 for (other, there) in on(twin, Line(b, a)) {
                     if share_a_part(here, there) {
-                        let to = root(one, None);
-                        root(other, Some(to));
+                        let (to, from) = (root(&mut parent, one), root(&mut parent, other));
+                        parent[from as usize] = to;
                     }
                 }
             }
@@ -272,7 +258,7 @@ impl UnseenRegion {
         let place_of = Vec::with_capacity(count as usize);
         let mut places = HidingPlaces { of: self.content, place_of, first_piece, areas: Vec::new() };
         for (index, piece) in (0..).zip(self.pieces.iter().flatten()) {
-            let root = root(index, None) as usize;
+            let root = root(&mut parent, index) as usize;
             if number[root] == NONE {
                 number[root] = places.areas.len() as u32;
                 places.areas.push(0.0);

@@ -10,6 +10,7 @@ use super::outline::Post;
 use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::union_find::root;
 
 /// Maximum number of posts (upright segments) of a solid. Solids with more are rare, and cost more than they
 /// hide.
@@ -285,13 +286,6 @@ fn rounding(transform: &Affine3A, size: f64) -> f64 {
 /// Returns the indices of a mesh's triangles in groups: triangles that share a vertex are in one group.
 fn components(mesh: &OccluderMesh) -> Vec<Vec<u32>> {
     let mut parent: Vec<u32> = (0..mesh.positions().len() as u32).collect();
-    fn root(parent: &mut [u32], mut i: u32) -> u32 {
-        while parent[i as usize] != i {
-            parent[i as usize] = parent[parent[i as usize] as usize];
-            i = parent[i as usize];
-        }
-        i
-    }
     for t in mesh.triangles() {
         for &other in &t[1..] {
             let (a, b) = (root(&mut parent, t[0]), root(&mut parent, other));

@@ -6,6 +6,7 @@ use crate::cdt::predicates::{MAX_MAGNITUDE, MIN_MAGNITUDE, orient};
 use alloc::vec;
 use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::union_find::root;
 use visibility_core::{Aabb, ObjectId, Scene};
 
 /// Maximum number of sheets (connected ground) of a scene. Each sheet adds to the time of a frame.
@@ -181,13 +182,6 @@ pub(super) fn join(triangles: &[Triangle]) -> Borders {
 /// Each is given by the indices of its triangles. Sheets smaller than [`MIN_AREA`] are left out.
 pub(super) fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>> {
     let mut parent: Vec<u32> = (0..triangles.len() as u32).collect();
-    fn root(parent: &mut [u32], mut i: u32) -> u32 {
-        while parent[i as usize] != i {
-            parent[i as usize] = parent[parent[i as usize] as usize];
-            i = parent[i as usize];
-        }
-        i
-    }
     // Union-find: triangles with a common edge belong to one sheet, which is named by its least triangle.
     for &[a, b] in &borders.pairs {
         let (a, b) = (root(&mut parent, a), root(&mut parent, b));

@@ -20,14 +20,22 @@ pub(crate) fn minus(a: Vector, b: Vector) -> Vector {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-fn dot(a: Vector, b: Vector) -> i128 {
+pub(crate) fn dot(a: Vector, b: Vector) -> i128 {
     a[0] * b[0] + a[1] * b[1]
 }
 
 /// Orders directions counter-clockwise from the direction +x.
-fn by_angle(a: &Vector, b: &Vector) -> Ordering {
+pub(crate) fn by_angle(a: &Vector, b: &Vector) -> Ordering {
     let lower = |v: &Vector| v[1] < 0 || v[1] == 0 && v[0] < 0;
     lower(a).cmp(&lower(b)).then(0.cmp(&cross(*a, *b)))
+}
+
+/// Returns `t` and `d` of the crossing of the lines through two walls: `a[0] + t / d (a[1] - a[0])`. `None`
+/// if the lines are parallel.
+pub(crate) fn crossing(a: [Vector; 2], b: [Vector; 2]) -> Option<[i128; 2]> {
+    let v = minus(b[1], b[0]);
+    let d = cross(minus(a[1], a[0]), v);
+    (d != 0).then(|| [cross(minus(b[0], a[0]), v), d])
 }
 
 impl Oracle {
@@ -47,12 +55,9 @@ impl Oracle {
         let mut directions: Vec<Vector> = walls.iter().flatten().copied().collect();
         for (i, a) in walls.iter().enumerate() {
             for b in &walls[..i] {
-                // Crossing a0 + t / d (a1 - a0), multiplied by |d|.
-                let (u, v) = (minus(a[1], a[0]), minus(b[1], b[0]));
-                let d = cross(u, v);
-                if d != 0 {
-                    let t = cross(minus(b[0], a[0]), v);
-                    let sign = d.signum();
+                if let Some([t, d]) = crossing(*a, *b) {
+                    // The crossing, multiplied by |d|.
+                    let (u, sign) = (minus(a[1], a[0]), d.signum());
                     directions.push([0, 1].map(|k| (a[0][k] * d + t * u[k]) * sign));
                 }
             }

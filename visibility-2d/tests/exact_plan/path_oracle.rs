@@ -4,18 +4,8 @@
 //! Start and goal are vertices of their own, at which a path may begin or end in any gap. All moves between
 //! two vertices that see each other count, whether or not a shortest path can use them.
 
-use super::oracle::{Vector, cross, minus};
+use super::oracle::{Vector, by_angle, cross, crossing, dot, minus};
 use std::cmp::Ordering;
-
-fn dot(a: Vector, b: Vector) -> i128 {
-    a[0] * b[0] + a[1] * b[1]
-}
-
-/// Orders directions counter-clockwise from the direction +x.
-fn by_angle(a: Vector, b: Vector) -> Ordering {
-    let lower = |v: Vector| v[1] < 0 || v[1] == 0 && v[0] < 0;
-    lower(a).cmp(&lower(b)).then(0.cmp(&cross(a, b)))
-}
 
 /// Returns whether `p` is on the segment between two points, ends included.
 fn is_on(p: Vector, [a, b]: [Vector; 2]) -> bool {
@@ -29,10 +19,8 @@ pub(crate) fn shortest(walls: &[[Vector; 2]], from: Vector, to: Vector) -> Optio
     let mut vertices: Vec<Vector> = walls.iter().flatten().copied().chain([from, to]).collect();
     for (i, a) in walls.iter().enumerate() {
         for b in &walls[..i] {
-            let (u, v) = (minus(a[1], a[0]), minus(b[1], b[0]));
-            let d = cross(u, v);
-            if d != 0 {
-                let t = cross(minus(b[0], a[0]), v);
+            if let Some([t, d]) = crossing(*a, *b) {
+                let u = minus(a[1], a[0]);
                 let at = [0, 1].map(|k| a[0][k] + t * u[k] / d);
                 if is_on(at, *a) && is_on(at, *b) {
                     vertices.push(at);
@@ -57,13 +45,13 @@ pub(crate) fn shortest(walls: &[[Vector; 2]], from: Vector, to: Vector) -> Optio
         .map(|i| {
             let mut spokes: Vec<_> = (0..count).filter(|&j| is_wall(i, j)).collect();
             let direction = |&j: &usize| minus(vertices[j], vertices[i]);
-            spokes.sort_by(|a, b| by_angle(direction(a), direction(b)));
+            spokes.sort_by(|a, b| by_angle(&direction(a), &direction(b)));
             spokes
         })
         .collect();
     let gap = |i: usize, j: usize| {
         let direction = minus(vertices[j], vertices[i]);
-        let before = |&k: &usize| by_angle(minus(vertices[k], vertices[i]), direction) != Ordering::Greater;
+        let before = |&k: &usize| by_angle(&minus(vertices[k], vertices[i]), &direction) != Ordering::Greater;
         let count = spokes[i].len().max(1);
         (spokes[i].iter().filter(|k| before(k)).count() + count - 1) % count
     };

@@ -7,6 +7,7 @@
 //! convex solid is taken.
 
 use super::mesh::{OccluderMesh, join};
+use crate::union_find::root;
 use alloc::vec::Vec;
 use glam::Vec3;
 
@@ -96,14 +97,6 @@ fn pieces(triangles: &[[u32; 3]]) -> Vec<Vec<[u32; 3]>> {
         pieces[*own as usize].push(*t);
     }
     pieces
-}
-
-fn root(parent: &mut [u32], mut i: u32) -> u32 {
-    while parent[i as usize] != i {
-        parent[i as usize] = parent[parent[i as usize] as usize];
-        i = parent[i as usize];
-    }
-    i
 }
 
 #[cfg(test)]

@@ -67,6 +67,12 @@ impl QueryDevice for SimulatedCard {
 /// Culls one frame from each eye by late queries alone. Returns, for each frame, the number of objects
 /// reported and whether a visible object was missing.
 fn by_queries(latency: u32, late: LateAnswers, eyes: &[DVec3]) -> Vec<(usize, bool)> {
+    by_looks(latency, late, 0, eyes)
+}
+
+/// As [`by_queries`], with a number of looks ahead at each frame. With a latency of 0, answers arrive before
+/// the next look.
+fn by_looks(latency: u32, late: LateAnswers, looks_ahead: u32, eyes: &[DVec3]) -> Vec<(usize, bool)> {
     let Street { scene, .. } = street();
     let mut culler = OcclusionCuller::new(HardwareQueries::new(SimulatedCard::new(latency), late));
     let mut visible_set = VisibleSet::new();
@@ -74,9 +80,15 @@ fn by_queries(latency: u32, late: LateAnswers, eyes: &[DVec3]) -> Vec<(usize, bo
     for &eye in eyes {
         let view = view_from(eye, eye + DVec3::X);
         culler.map_mut().device_mut().view = view;
-        visible_set.fill(&scene, &view);
-        FrustumCuller::new().cull(&scene, &view, &mut visible_set);
-        culler.cull(&scene, &view, &mut visible_set);
+        for look in 0..=looks_ahead {
+            visible_set.fill(&scene, &view);
+            FrustumCuller::new().cull(&scene, &view, &mut visible_set);
+            if look < looks_ahead {
+                culler.look_ahead(&scene, &view, &mut visible_set, look);
+            } else {
+                culler.cull(&scene, &view, &mut visible_set);
+            }
+        }
         let exact = visible(&mut pipeline(), &scene, &view);
         let lost = exact.iter().any(|&id| !visible_set.contains(&scene, id));
         result.push((visible_set.count(&scene), lost));
@@ -176,38 +188,11 @@ fn a_moving_camera_loses_nothing_unless_old_answers_are_trusted() {
     assert!(sum(&trusting) < sum(&safe), "and that is what it gains");
 }
 
-/// As [`by_queries`], with a number of looks ahead at each frame, and answers that arrive before the next
-/// look.
-fn by_looks(looks_ahead: u32, eyes: &[DVec3]) -> Vec<(usize, bool)> {
-    let Street { scene, .. } = street();
-    let map = HardwareQueries::new(SimulatedCard::new(0), LateAnswers::Visible);
-    let mut culler = OcclusionCuller::new(map);
-    let mut visible_set = VisibleSet::new();
-    let mut result = Vec::new();
-    for &eye in eyes {
-        let view = view_from(eye, eye + DVec3::X);
-        culler.map_mut().device_mut().view = view;
-        for look in 0..=looks_ahead {
-            visible_set.fill(&scene, &view);
-            FrustumCuller::new().cull(&scene, &view, &mut visible_set);
-            if look < looks_ahead {
-                culler.look_ahead(&scene, &view, &mut visible_set, look);
-            } else {
-                culler.cull(&scene, &view, &mut visible_set);
-            }
-        }
-        let exact = visible(&mut pipeline(), &scene, &view);
-        let lost = exact.iter().any(|&id| !visible_set.contains(&scene, id));
-        result.push((visible_set.count(&scene), lost));
-    }
-    result
-}
-
 #[test]
 fn looks_ahead_cull_under_a_moving_camera_and_lose_nothing() {
     // From all of these eyes the wall hides the 500 boxes behind it.
     let eyes: Vec<DVec3> = (0..40).map(|i| DVec3::Y * (f64::from(i) * 0.15 - 3.0)).collect();
-    let [none, one, two] = [0, 1, 2].map(|looks| by_looks(looks, &eyes));
+    let [none, one, two] = [0, 1, 2].map(|looks| by_looks(0, LateAnswers::Visible, looks, &eyes));
     for frames in [&none, &one, &two] {
         assert!(frames.iter().all(|(_, lost)| !lost), "frames in which a visible thing is lost: {frames:?}");
     }

@@ -1,7 +1,8 @@
 //! Walk through a tessellation's cells from the eye outwards, shared by both cullers.
 //!
 //! `state` holds the buffers of a walk, `remaining_layers` the layers not yet projected of each opened cell,
-//! `projection` appends the objects of a layer to the result, and `traversal` is the loop over cells.
+//! `projection` looks up the objects of a layer and moves objects from `ready` to the result, `ready` is the
+//! queue of objects looked up and not kept yet, and `traversal` is the loop over cells.
 
 mod projection;
 mod ready;

@@ -11,20 +11,21 @@ use visibility_core::view::Eye;
 
 impl Walk {
     /// Looks up the first `count` of `layer_objects`: pushes each object that is in the visible set and not
-    /// proven outside of the view or facing away to `ready`, with its priority. `chance` is the estimated
-    /// probability that view rays reach the objects' cell, and `area` the mean area of their layer in square
-    /// metres.
+    /// proven outside of the view or facing away to `ready`, with its priority. `crossed` has one bit for
+    /// each view plane that the objects' cell may cross, `chance` is the estimated probability that view rays
+    /// reach that cell, and `area` the mean area of the objects' layer in square metres.
     fn look_up<T: Tessellation + ?Sized>(
         &mut self,
         frame: &FrameContext<'_, T>,
         count: usize,
+        crossed: u16,
         chance: f32,
         area: f32,
     ) {
         let objects = self.layer_objects.iter().take(count);
         self.seen.clear();
-        self.seen.extend(objects.filter_map(|&LayerObject { index, eye_side, crossed }| {
-            frame.scene.id_at(index as usize).map(|id| (id, eye_side, crossed))
+        self.seen.extend(objects.filter_map(|&LayerObject { index, eye_side }| {
+            frame.scene.id_at(index as usize).map(|id| (id, eye_side))
         }));
         let mut count = 0;
         for place in 0..self.seen.len() {
@@ -34,7 +35,7 @@ impl Walk {
         self.seen.truncate(count);
         // Triangles are copied before any of them is tested, so that cache misses overlap.
         self.tested.clear();
-        for (place, &(id, ..)) in (0..).zip(&self.seen) {
+        for (place, &(id, _)) in (0..).zip(&self.seen) {
             if let Ok(triangles) = frame.scene.triangles(id)
                 && triangles.len() <= MAX_TESTED_TRIANGLES
             {
@@ -42,8 +43,8 @@ impl Walk {
             }
         }
         let mut rest = &self.tested[..];
-        for (place, &(id, eye_side, crossed)) in (0..).zip(&self.seen) {
-            let (own, others) = rest.split_at(rest.partition_point(|tested| tested.0 <= place));
+        for (place, &(id, eye_side)) in (0..).zip(&self.seen) {
+            let (own, others) = rest.split_at(rest.iter().take_while(|tested| tested.0 == place).count());
             rest = others;
             let triangles = || own.iter().map(|(_, triangle)| triangle);
             if !own.is_empty() {
@@ -95,10 +96,10 @@ impl Walk {
             let eye_side = box_from_eye.as_ref().map_or(EyeSide::Front, |cell| {
                 content.normals.eye_side(index as usize, cell, &self.eye_offsets)
             });
-            *object = LayerObject { index, eye_side, crossed };
+            *object = LayerObject { index, eye_side };
             count += usize::from(is_new & (eye_side != EyeSide::Back));
         }
-        self.look_up(frame, count, chance, area);
+        self.look_up(frame, count, crossed, chance, area);
         if !self.sides[side as usize].advance(layers) {
             let state = &mut self.cells[cell as usize];
             state.end_side -= 1;
@@ -118,11 +119,12 @@ impl Walk {
     ) -> Projected {
         while let Some((id, priority)) = self.ready.peek(bound) {
             let cost = frame.cost(id);
-            let is_unspent = self.budget_left > 0 && self.budget_left == frame.settings.budget.amount();
-            if cost > self.budget_left && !is_unspent || !keep(id, priority) {
+            let left = frame.settings.budget.amount().saturating_sub(self.spent);
+            let is_unspent = left > 0 && self.spent == 0;
+            if cost > left && !is_unspent || !keep(id, priority) {
                 return Projected::OutOfBudget;
             }
-            self.budget_left = self.budget_left.saturating_sub(cost);
+            self.spent = self.spent.saturating_add(cost);
             self.order.push(id);
             self.ready.pop();
         }
@@ -141,5 +143,5 @@ fn appearance_of_box<T: ?Sized>(
     let Ok(bounds) = frame.scene.bounds(id) else { return (f32::INFINITY, 0.0) };
     let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
     let from_center = eye.distance_squared((min + max) * 0.5) as f32;
-    (0.5 * area / from_center.max(area), eye.distance(eye.max(min).min(max)) as f32)
+    (0.5 * area / from_center.max(area), frame.frustum.distance(&bounds))
 }

@@ -62,6 +62,7 @@ impl Walk {
         state.first_side = self.sides.len() as u32;
         let factors = side_factors(state.direction, state.is_around_eye(), frame.settings.one_sided);
         let box_from_eye = frame.box_from_eye(bounds);
+        let distance = frame.frustum.distance(bounds) / frame.far();
         let mut sides = frame.tessellation.content().sides(cell);
         while let Some(layers) = sides.next() {
             if box_from_eye.as_ref().is_some_and(|cell| layers.is_back(cell)) {
@@ -72,7 +73,6 @@ impl Walk {
             let from = to + layers.byte_count();
             let solid_angle_per_area = state.solid_angle_per_area * factor;
             let (from, to) = (from as u32, to as u32);
-            let distance = frame.frustum.distance(bounds) / frame.far();
             let mut remaining =
                 RemainingLayers { distance, priority: 0.0, solid_angle_per_area, from, to, side };
             if remaining.advance(layers) {

@@ -91,7 +91,7 @@ impl<T: ?Sized> FrameContext<'_, T> {
 
     /// Returns how much of the budget an object takes: 1 for a budget in objects, the object's cost for a
     /// budget by cost. With a budget by cost, an id that is not in the scene takes 0.
-    pub(crate) fn cost(&self, id: ObjectId) -> u64 {
+    pub(super) fn cost(&self, id: ObjectId) -> u64 {
         match self.settings.budget {
             Budget::Objects(_) => 1,
             Budget::Cost(_) => self.scene.object(id).map_or(0, |object| object.cost.into()),
@@ -210,13 +210,11 @@ pub(super) struct LayerObject {
     pub(super) index: u32,
     /// Side of the object's triangle on which the eye lies; `Front` if back faces are not culled.
     pub(super) eye_side: EyeSide,
-    /// View planes that the cell of the object may cross: bit i stands for plane i of `CellFrustum`.
-    pub(super) crossed: u16,
 }
 
 impl LayerObject {
     /// Filler of the unused end of `Walk::layer_objects`.
-    pub(super) const NONE: Self = Self { index: 0, eye_side: EyeSide::Unknown, crossed: 0 };
+    pub(super) const NONE: Self = Self { index: 0, eye_side: EyeSide::Unknown };
 }
 
 /// Maximum number of triangles of an object that is tested triangle by triangle for facing away or lying
@@ -247,8 +245,8 @@ pub(crate) struct Walk {
     pub(crate) order: Vec<ObjectId>,
     /// Objects that were looked up and not kept yet.
     pub(crate) ready: Ready,
-    /// Remaining budget, in objects or in cost.
-    pub(super) budget_left: u64,
+    /// How much of the budget the objects kept so far in this frame take, in objects or in cost.
+    pub(crate) spent: u64,
     /// Number of cells that were put into the front, the queue of cells to project, in this frame.
     pub(crate) reached: u64,
     /// Number of cells taken from the front whose neighbours were put into the front, in this frame.
@@ -264,9 +262,9 @@ pub(crate) struct Walk {
     /// For each normal bin, the eye's offset along the bin's normal and the tolerance of that offset, in the
     /// bins' offset steps: see [`NormalBins::eye_offsets`](crate::normal_bins::NormalBins::eye_offsets).
     pub(super) eye_offsets: Vec<[f64; 2]>,
-    /// Scratch list of the layer's objects that are in the visible set: object, side of its triangle on which
-    /// the eye lies, view planes crossed by its cell (one bit each).
-    pub(super) seen: Vec<(ObjectId, EyeSide, u16)>,
+    /// Scratch list of the layer's objects that are in the visible set: object, and side of its triangle on
+    /// which the eye lies.
+    pub(super) seen: Vec<(ObjectId, EyeSide)>,
     /// Scratch list of triangles to test, relative to the scene's origin, each with its object's index in
     /// `seen`.
     pub(super) tested: Vec<(u32, Triangle)>,

@@ -27,7 +27,7 @@ impl Walk {
             let bounds = frame.tessellation.bounds();
             content.normals.eye_offsets(frame.frustum.eye, &bounds, &mut self.eye_offsets);
         }
-        self.budget_left = frame.settings.budget.amount();
+        self.spent = 0;
         let Changes::Objects(changed) = content.changes(frame.scene) else { return false };
         for &id in content.strays().iter().chain(changed) {
             if frame.scene.contains(id) && !self.taken.contains(id.index()) {
@@ -35,7 +35,7 @@ impl Walk {
                 if frame.visible.contains(frame.scene, id) {
                     self.order.push(id);
                     keep(id, 1.0);
-                    self.budget_left = self.budget_left.saturating_sub(frame.cost(id));
+                    self.spent = self.spent.saturating_add(frame.cost(id));
                 }
             }
         }
@@ -165,8 +165,8 @@ impl Walk {
             self.propagate(frame, cell);
         }
         self.open_if_needed(frame, cell);
+        let chance = self.cells[cell as usize].chance(frame.settings.solidity);
         while let Some((side, priority)) = self.best_side(cell) {
-            let chance = self.cells[cell as usize].chance(frame.settings.solidity);
             let solidity = match frame.settings.solidity {
                 Solidity::Coverage => 1.0 - chance * priority,
                 // As in the paper, all objects of the cell are projected at once.

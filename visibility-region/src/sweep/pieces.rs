@@ -16,13 +16,14 @@
 use super::direction::CellBox;
 use super::effort::Effort;
 use super::facing::facing;
-use super::surfaces::{Back, Part, Surfaces, find};
+use super::surfaces::{Back, Part, Surfaces};
 use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::bits::Bits;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::stamp::Stamp;
+use visibility_core::union_find::root;
 
 /// Greatest number of drawn triangles, all of which run along a segment in the same direction, that are
 /// paired with triangles of the other direction. The search for the flattest partner takes time proportional
@@ -275,7 +276,7 @@ impl Pieces {
             number[triangle as usize] = u32::MAX;
         }
         for triangle in drawn() {
-            let root = find(parent, triangle);
+            let root = root(parent, triangle);
             let surface = &surfaces.triangles[triangle as usize];
             if root == triangle {
                 number[root as usize] = self.pieces.len() as u32;
@@ -310,7 +311,7 @@ impl Pieces {
         // Counting sort by piece: triangles and contour segments are counted, then the starts are summed,
         // then the items are put in place.
         for &(triangle, _) in &self.bounding {
-            if let Some(piece) = self.pieces.get_mut(number[find(parent, triangle) as usize] as usize) {
+            if let Some(piece) = self.pieces.get_mut(number[root(parent, triangle) as usize] as usize) {
                 piece.contour[1] += 1;
             }
         }
@@ -323,13 +324,13 @@ impl Pieces {
         self.triangles.resize(triangle as usize, 0);
         self.contours.resize(segment as usize, 0);
         for triangle in drawn() {
-            if let Some(piece) = self.pieces.get_mut(number[find(parent, triangle) as usize] as usize) {
+            if let Some(piece) = self.pieces.get_mut(number[root(parent, triangle) as usize] as usize) {
                 self.triangles[piece.triangles[1] as usize] = triangle;
                 piece.triangles[1] += 1;
             }
         }
         for &(triangle, segment) in &self.bounding {
-            if let Some(piece) = self.pieces.get_mut(number[find(parent, triangle) as usize] as usize) {
+            if let Some(piece) = self.pieces.get_mut(number[root(parent, triangle) as usize] as usize) {
                 self.contours[piece.contour[1] as usize] = segment;
                 piece.contour[1] += 1;
             }
@@ -340,7 +341,7 @@ impl Pieces {
 /// Joins the pieces of two triangles. Returns false, and does not join them, if they are different pieces
 /// with more than `most` triangles in total.
 fn unite(parent: &mut [u32], count: &mut [u32], triangles: [u32; 2], most: u32) -> bool {
-    let [a, b] = triangles.map(|triangle| find(parent, triangle));
+    let [a, b] = triangles.map(|triangle| root(parent, triangle));
     if a == b {
         return true;
     }

@@ -11,6 +11,7 @@ use visibility_core::bits::Bits;
 use visibility_core::glam::{Affine3A, Vec3};
 use visibility_core::scene::Triangle;
 use visibility_core::stamp::Stamp;
+use visibility_core::union_find::root;
 use visibility_core::{Aabb, ObjectId, Scene};
 
 /// Triangles of occluders whose mesh coordinates are scene coordinates, and the segments along which they
@@ -141,16 +142,6 @@ const WALL: usize = 32;
 /// they have equal ends. This bounds memory where many long sides and many short ones are on one line.
 const MAX_SEGMENTS: usize = 16;
 
-/// Returns the representative of the set that contains `at`, and shortens the path to it. `parent` is a
-/// union-find forest, in which a representative is its own parent.
-pub(super) fn find(parent: &mut [u32], mut at: u32) -> u32 {
-    while parent[at as usize] != at {
-        parent[at as usize] = parent[parent[at as usize] as usize];
-        at = parent[at as usize];
-    }
-    at
-}
-
 impl Surfaces {
     /// Collects the surfaces of a scene. Takes O(n log n) time for n triangles.
     pub(crate) fn new(scene: &Scene) -> Self {
@@ -264,7 +255,7 @@ impl Surfaces {
         for segment in 0..self.segments.len() {
             let sides = self.sides(segment);
             for pair in sides.windows(2) {
-                let [a, b] = [pair[0], pair[1]].map(|side| find(&mut parent, owner(side / 2)));
+                let [a, b] = [pair[0], pair[1]].map(|side| root(&mut parent, owner(side / 2)));
                 // A cluster is represented by its first object.
                 parent[a.max(b) as usize] = a.min(b);
             }
@@ -272,7 +263,7 @@ impl Surfaces {
         let mut cluster_of = alloc::vec![u32::MAX; index_limit];
         let mut count = 0;
         for object in (0..index_limit).filter(|&object| self.objects.contains(object)) {
-            let root = find(&mut parent, object as u32) as usize;
+            let root = root(&mut parent, object as u32) as usize;
             if root == object {
                 cluster_of[object] = count;
                 count += 1;

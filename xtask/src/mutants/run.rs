@@ -32,7 +32,7 @@ pub(crate) enum Fate {
     Unreached,
 }
 
-/// Runs `work` for the numbers below `count`, two at a time, and returns the results in order.
+/// Runs `work` for the numbers below `count` on one thread per core, and returns the results in order.
 fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let (next, results) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
     std::thread::scope(|scope| {

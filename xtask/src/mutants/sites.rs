@@ -1,5 +1,6 @@
 //! Finder of the expressions that a mutation changes: comparisons, roundings and margins.
 
+use crate::crates::rust_files;
 use std::ops::Range;
 use std::path::Path;
 use syn::spanned::Spanned;
@@ -27,20 +28,11 @@ const METHODS: [[&str; 2]; 5] =
 
 /// Returns the names of the source files of a crate, relative to the root and sorted.
 pub(crate) fn source_files(root: &Path, package: &str) -> Result<Vec<String>, String> {
-    let (mut files, mut folders) = (Vec::new(), vec![format!("{package}/src")]);
-    while let Some(folder) = folders.pop() {
-        let entries = std::fs::read_dir(root.join(&folder)).map_err(|error| format!("{folder}: {error}"))?;
-        for entry in entries.filter_map(Result::ok) {
-            let name = format!("{folder}/{}", entry.file_name().to_string_lossy());
-            match entry.path() {
-                path if path.is_dir() => folders.push(name),
-                _ if name.ends_with(".rs") => files.push(name),
-                _ => {}
-            }
-        }
-    }
-    files.sort();
-    Ok(files)
+    let files = rust_files(vec![root.join(package).join("src")])?;
+    let names = files.iter().filter_map(|file| file.strip_prefix(root).ok());
+    let mut names: Vec<String> = names.map(|name| name.to_string_lossy().replace('\\', "/")).collect();
+    names.sort();
+    Ok(names)
 }
 
 /// Returns the sites of Rust source text in order, or an error if the text is not Rust. Tests, constants and
@@ -131,10 +123,8 @@ impl<'ast> Visit<'ast> for Finder<'_> {
 
     fn visit_generic_argument(&mut self, _: &'ast syn::GenericArgument) {}
 
-    fn visit_pat(&mut self, pattern: &'ast syn::Pat) {
-        // Ranges and constants in patterns are no expressions that could be switched.
-        let _ = pattern;
-    }
+    /// Ranges and constants in patterns are no expressions that could be switched.
+    fn visit_pat(&mut self, _: &'ast syn::Pat) {}
 
     /// What is assigned to stays as it is: only the value has sites.
     fn visit_expr_assign(&mut self, assign: &'ast syn::ExprAssign) {

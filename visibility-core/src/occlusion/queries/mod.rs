@@ -185,10 +185,10 @@ impl<D: QueryDevice> HardwareQueries<D> {
     /// `None`, a box without an answer.
     fn judge(&self, answer: Option<Answer>) -> Occlusion {
         match answer {
-            // Whatever was seen in an earlier frame is worth a look inside.
+            // If the newest answer about a box is visible, of whatever age, the boxes inside are tested.
             Some(answer) if !answer.is_hidden => Occlusion::Partial,
             Some(answer) if answer.frame >= self.first_that_counts() => Occlusion::Hidden,
-            // To be asked about before it is drawn.
+            // A look ahead leaves out hidden and new boxes: the device is asked about them first.
             _ if self.is_ahead => Occlusion::Hidden,
             // Unanswered boxes count as wholly visible, so that no queries are issued for the boxes inside.
             _ => Occlusion::Visible,
