@@ -29,7 +29,10 @@ export const BUILT_IN = {
 /** A point or direction of a scene whose z axis points up, in the axes of glTF. */
 const yUp = ([x, y, z]) => [x, z, -y];
 
-/** Returns the model of a scene's lists, and the cameras at the keys of its walks. */
+/**
+ * Returns the model of a scene's lists, the cameras at the keys of its walks, and the distance `near` of the
+ * near plane in metres.
+ */
 export function builtIn(name, lists) {
   const { walls, roofs } = BUILT_IN[name];
   const palettes = [walls, roofs].map((names) => names.map((hex) => new Color(hex)));
@@ -54,11 +57,12 @@ export function builtIn(name, lists) {
   });
   const material = new MeshStandardMaterial({ vertexColors: true, roughness: 0.9 });
   const counts = lists.triangleCounts;
-  const walk = cameras(lists, 1).map((key) => ({
-    ...key,
-    eye: yUp(key.eye),
-    target: yUp(key.target),
+  const keys = cameras(lists, 1);
+  const walk = keys.map(({ eye, target, fovY }) => ({
+    eye: yUp(eye),
+    target: yUp(target),
     up: [0, 1, 0],
+    fovY,
   }));
-  return { model: modelOfTriangles({ counts, triangles, colors, material }), walk };
+  return { model: modelOfTriangles({ counts, triangles, colors, material }), walk, near: keys[0].near };
 }

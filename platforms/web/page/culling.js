@@ -6,7 +6,7 @@ import { Flag } from "../package/visibility.js";
 import { fillScene, makeBuilding } from "./scene.js";
 import { isPlacedWell } from "../three/boxes.js";
 import { add, basisOf } from "./camera.js";
-import { marginOfItem } from "./items.js";
+import { marginOfItem, turnTriangles } from "./items.js";
 import { pause } from "./load.js";
 
 /**
@@ -19,9 +19,7 @@ const AHEAD_MICROSECONDS = 3000;
 const AHEAD_SECONDS = [0, 0.1, 0.2, 0.4, 0.8];
 const SLICE_MS = 20;
 
-/**
- * The cullers on offer, in the order of the pipeline: what a person reads, and the key that switches each.
- */
+/** Cullers on offer, in the order of the pipeline: name, and title in the panel. */
 export const STAGES = [
   { name: "frustum", title: "Outside the view" },
   { name: "size", title: "Smaller than a few pixels" },
@@ -135,7 +133,7 @@ export class Culling {
     let indices = index.array;
     if ((side === BackSide) !== isMirrored) {
       indices = indices.slice();
-      for (let i = 0; i < indices.length; i += 3) [indices[i], indices[i + 1]] = [indices[i + 1], indices[i]];
+      turnTriangles(indices);
     }
     return this.scene.addMesh({ positions, indices, twoSided: side === DoubleSide });
   }
@@ -150,8 +148,7 @@ export class Culling {
   }
 
   /** Makes the pipeline of stages by their names. `size` is that of the scene in metres. */
-  choose(names, { height, pixels, zBuffer, size, near }) {
-    const offered = names.filter((name) => this.offered.includes(name));
+  choose(names, { height, pixels, size, near }) {
     this.pipeline?.destroy();
     this.online?.destroy();
     this.online = null;
@@ -159,7 +156,7 @@ export class Culling {
     const stages = {
       frustum: () => pipeline.addFrustum(),
       size: () => pipeline.addContribution(height, pixels),
-      zbuffer: () => pipeline.addZBuffer(...zBuffer),
+      zbuffer: () => pipeline.addZBuffer(),
       ahead: () => {
         const wide = size / 40;
         const cell = wide / 6;
@@ -175,7 +172,7 @@ export class Culling {
       portals: () => pipeline.addPortals(this.building.cells),
       baked: () => pipeline.addPvs(this.building.baked),
     };
-    this.chosen = STAGES.map(({ name }) => name).filter((name) => offered.includes(name));
+    this.chosen = this.offered.filter((name) => names.includes(name));
     for (const name of this.chosen) stages[name]();
   }
 
@@ -204,7 +201,7 @@ export class Culling {
 
   /** Bits of the objects of the last frame: those to draw, and those within the view. */
   get bits() {
-    return { seen: this.visible.bits.slice(), inView: this.inView.bits.slice() };
+    return { seen: this.visible.bits, inView: this.inView.bits };
   }
 
   /** What each stage has left over in the last frame, as [name, number of objects]. */

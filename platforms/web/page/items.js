@@ -39,6 +39,16 @@ const MAPS = [
 const white = new Color(1, 1, 1);
 const IDENTITY = new Matrix4();
 
+/** Whether a set of items, a bit each, has an item. A set has no items beyond its end. */
+export function hasItem(bits, item) {
+  return ((bits[item >>> 5] >>> (item & 31)) & 1) === 1;
+}
+
+/** Makes triangles run the other way round: exchanges the first two of each three indices. */
+export function turnTriangles(indices) {
+  for (let i = 0; i < indices.length; i += 3) [indices[i], indices[i + 1]] = [indices[i + 1], indices[i]];
+}
+
 /** Attribute of a geometry as 32-bit floats, whatever the file has: quantized, normalized or interleaved. */
 function asFloats(attribute, itemSize, fill) {
   const { count } = attribute;
@@ -69,7 +79,7 @@ function prepared(source, names, isMirrored) {
     // A damaged index draws the first vertex: nothing is read out of bounds.
     index[i] = vertex < position.count ? vertex : 0;
   }
-  if (isMirrored) for (let i = 0; i < count; i += 3) [index[i], index[i + 1]] = [index[i + 1], index[i]];
+  if (isMirrored) turnTriangles(index);
   geometry.setIndex(new BufferAttribute(index, 1));
   if (!geometry.attributes.normal) geometry.computeVertexNormals();
   return geometry;
@@ -111,7 +121,7 @@ function batchMaterial(material) {
   return made;
 }
 
-export const isSeeThrough = (material) =>
+const isSeeThrough = (material) =>
   material.transparent || material.alphaTest > 0 || material.alphaHash || !material.depthWrite;
 
 /** Whether three.js moves the vertices of a mesh in ways that a box of its geometry does not hold. */
@@ -179,7 +189,7 @@ function disposeMaterial(material) {
 }
 
 /** A model as items. See the head of this file. */
-export class Model {
+class Model {
   /** Batches: `mesh`, index `first` of its first item, `count` of items, `seeThrough`, `side`. */
   batches = [];
   /** What is drawn whatever a culler finds: skinned and morphed meshes, lines, points. */
@@ -311,7 +321,6 @@ async function addBatch(made, { material, names }, parts) {
     seeThrough: isSeeThrough(mesh.material),
   };
   const color = new Vector4();
-  const own = material.color ? material.color : white;
   for (const { part, shape } of entries) {
     const { object } = part;
     if (shape.id < 0) shape.id = mesh.addGeometry(shape.geometry);
@@ -321,7 +330,7 @@ async function addBatch(made, { material, names }, parts) {
       matrix.premultiply(object.matrixWorld);
       const id = mesh.addInstance(shape.id);
       mesh.setMatrixAt(id, matrix);
-      const { r, g, b } = part.material.color ?? own;
+      const { r, g, b } = part.material.color ?? white;
       mesh.setColorAt(id, color.set(r, g, b, 1));
       const item = made.item++;
       writeBounds(model.bounds, 6 * item, shape.geometry.attributes.position.array, shape.reach, matrix);

@@ -21,10 +21,11 @@ import {
   WebGLRenderTarget,
   ZeroFactor,
 } from "three";
+import { hasItem } from "./items.js";
 
 /** Size in pixels of the pictures that are compared. */
-export const WIDTH = 480;
-export const HEIGHT = 270;
+const WIDTH = 480;
+const HEIGHT = 270;
 
 const VERTEX = `
   #include <common>
@@ -123,8 +124,7 @@ export class Judge {
    */
   compare(picture, camera, bits) {
     const eye = picture.look(camera);
-    const all = new Uint32Array(picture.shown.length).fill(0xffffffff);
-    picture.show(all);
+    picture.show(picture.all);
     const right = this.#pixels(picture, eye, false);
     const allSurfaces = meanAlpha(this.#pixels(picture, eye, true));
     picture.show(bits);
@@ -139,7 +139,7 @@ export class Judge {
       const number = rightWords[i] & 0xffffff;
       if (number > 0) items.add(number - 1);
     }
-    const wrong = [...items].filter((item) => ((bits[item >>> 5] >>> (item & 31)) & 1) === 0);
+    const wrong = [...items].filter((item) => !hasItem(bits, item));
     return {
       pixels: rightWords.length,
       wrongPixels,
@@ -155,7 +155,7 @@ export class Judge {
    * `bits`; or -1.
    */
   pick(picture, eye, [x, y], bits) {
-    picture.show(bits ?? new Uint32Array(picture.shown.length).fill(0xffffffff));
+    picture.show(bits ?? picture.all);
     const pixels = this.#pixels(picture, eye, false);
     const column = Math.min(WIDTH - 1, Math.floor(x * WIDTH));
     const row = Math.min(HEIGHT - 1, Math.floor((1 - y) * HEIGHT));

@@ -9,7 +9,7 @@ import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
 import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
 
 /** Greatest size of a file in bytes: an `ArrayBuffer` of Chromium holds little more. */
-export const MOST_BYTES = 2 ** 31 - 2 ** 20;
+const MOST_BYTES = 2 ** 31 - 2 ** 20;
 /** First 4 bytes of a binary glTF file, as a little-endian number. */
 const GLB_MAGIC = 0x46546c67;
 
@@ -61,17 +61,18 @@ function findModel(files) {
   return byEnding(".glb") ?? byEnding(".gltf") ?? (files.length === 1 ? files[0] : null);
 }
 
-/** Returns whether the JSON of a model uses an extension. Cheaper than to parse it. */
-function mentions(buffer, extension) {
+/** Returns by extension whether the JSON of a model uses it. Cheaper than to parse the JSON. */
+function mentioned(buffer, extensions) {
   const view = new DataView(buffer);
   const isBinary = view.byteLength >= 20 && view.getUint32(0, true) === GLB_MAGIC;
   const length = isBinary ? Math.min(view.getUint32(12, true), buffer.byteLength - 20) : buffer.byteLength;
-  return new TextDecoder().decode(new Uint8Array(buffer, isBinary ? 20 : 0, length)).includes(extension);
+  const text = new TextDecoder().decode(new Uint8Array(buffer, isBinary ? 20 : 0, length));
+  return extensions.map((extension) => text.includes(extension));
 }
 
 /**
  * Loads a model. `progress` gets a line of text for the person who waits. Returns the scene graph, the
- * cameras of the file, its name and its size. Throws a `ModelError` if the files are no model, are damaged or
+ * cameras of the file and its size. Throws a `ModelError` if the files are no model, are damaged or
  * lack a part.
  */
 export async function loadModel(files, renderer, progress) {
@@ -103,25 +104,25 @@ export async function loadModel(files, renderer, progress) {
     const name = decodeURIComponent(url.split("/").pop());
     if (!urls.has(name)) {
       missing.push(name);
-      // Nothing is fetched from elsewhere: an address that fails at once.
+      // A file that was not dropped is not fetched. The address "data:," holds no data, so that its loader
+      // fails at once.
       return "data:,";
     }
     made.push(URL.createObjectURL(urls.get(name)));
     return made.at(-1);
   });
   const loader = new GLTFLoader(manager).setMeshoptDecoder(MeshoptDecoder);
-  const draco = mentions(buffer, "KHR_draco_mesh_compression") ? new DRACOLoader() : null;
+  const [hasDraco, hasBasis] = mentioned(buffer, ["KHR_draco_mesh_compression", "KHR_texture_basisu"]);
+  const draco = hasDraco ? new DRACOLoader() : null;
   if (draco) loader.setDRACOLoader(draco);
-  const ktx2 = mentions(buffer, "KHR_texture_basisu")
-    ? new KTX2Loader(manager).setTranscoderPath(basis).detectSupport(renderer)
-    : null;
+  const ktx2 = hasBasis ? new KTX2Loader(manager).setTranscoderPath(basis).detectSupport(renderer) : null;
   if (ktx2) loader.setKTX2Loader(ktx2);
   try {
     const { scene, scenes, cameras } = await loader.parseAsync(buffer, "");
     const root = scene ?? scenes[0];
     if (!root) throw new ModelError(`${file.name} has no scene`);
     root.updateMatrixWorld(true);
-    return { root, cameras, name: file.name.replace(/\.(glb|gltf)$/i, ""), bytes: file.size };
+    return { root, cameras, bytes: file.size };
   } catch (error) {
     if (error instanceof ModelError) throw error;
     if (missing.length > 0)

@@ -9,6 +9,7 @@ import {
   LineSegments,
   ShaderMaterial,
 } from "three";
+import { hasItem } from "./items.js";
 
 /** The 12 edges of the unit cube, as pairs of corners. */
 const EDGES = [0, 1, 2].flatMap((axis) =>
@@ -80,7 +81,7 @@ export class Outlines {
     ]) {
       if (!set) continue;
       for (let item = 0; item < this.boxes.length / 6; item++) {
-        if (((set[item >>> 5] >>> (item & 31)) & 1) === 0) continue;
+        if (!hasItem(set, item)) continue;
         for (let k = 0; k < 3; k++) {
           least.array[3 * shown + k] = this.boxes[6 * item + k];
           greatest.array[3 * shown + k] = this.boxes[6 * item + 3 + k];

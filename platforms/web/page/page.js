@@ -11,7 +11,7 @@ import { Panel } from "./panel.js";
 import { Picture } from "./picture.js";
 import { saveReport } from "./report.js";
 import { loadRecipes } from "./scene.js";
-import { AROUND, walksOf } from "./walks.js";
+import { AROUND, FOV_Y, walksOf } from "./walks.js";
 
 /** Keys of a walk that pass in a second. */
 const KEYS_PER_SECOND = 2;
@@ -21,8 +21,6 @@ const AVERAGED = 30;
 const CHECK_MS = 300;
 /** Milliseconds of a frame from which on the picture gets coarser. */
 const SLOW_MS = 45;
-const Z_BUFFER = [512, 288];
-const FOV_Y = 1.05;
 
 const query = new URLSearchParams(location.search);
 const canvas = document.getElementById("canvas");
@@ -74,7 +72,7 @@ let last = performance.now();
 let checked = { signature: "", at: 0, cost: 0, result: null };
 let drawnSignature = "";
 
-/** Shows a model: `make` returns `model`, `culling` and `walk`, and lines of text for the panel. */
+/** Shows a model: `make` returns `model`, `culling`, `walk` and `near`, and `facts` if it is one of files. */
 async function show(name, make) {
   if (state.reporting) {
     panel.sceneIs(state.scene, Boolean(state.facts.files));
@@ -102,7 +100,7 @@ async function show(name, make) {
   culling?.destroy();
   culling = made.culling;
   walk = made.walk;
-  near = walk[0].near;
+  near = made.near;
   frozen = null;
   picture.setModel(made.model);
   Object.assign(state, { scene: name, objects: made.model.count, facts: made.facts ?? {} });
@@ -137,20 +135,20 @@ function chooseScene(name) {
 function openFiles(files, zUp = false) {
   if (files.length === 0) return;
   return show(files[0].name, async (progress) => {
-    const { root, name, bytes, cameras } = await loadModel(files, picture.renderer, progress);
+    const { root, bytes, cameras } = await loadModel(files, picture.renderer, progress);
     if (zUp) root.rotation.x -= Math.PI / 2;
     const model = await makeModel(root, progress);
     progress("Building the hierarchy");
     const box = model.box;
     const size = Math.hypot(box[3] - box[0], box[4] - box[1], box[5] - box[2]);
-    const tour = walksOf(model.bounds, box, Math.max(1e-4 * size, 1e-5));
+    const tour = walksOf(model.bounds, box);
     const own = cameras.filter(({ isPerspectiveCamera }) => isPerspectiveCamera).map(cameraOf);
-    const keys = own.map((camera) => ({ ...camera, near: tour[0].near }));
     return {
       model,
       culling: Culling.ofModel(visibility, model),
-      walk: [...keys, ...tour],
-      facts: { name, bytes, files, zUp },
+      walk: [...own, ...tour],
+      near: Math.max(1e-4 * size, 1e-5),
+      facts: { bytes, files, zUp },
     };
   });
 }
@@ -175,7 +173,6 @@ function chooseStages(names) {
   culling.choose(names, {
     height: canvas.height || 720,
     pixels: state.pixels,
-    zBuffer: Z_BUFFER,
     size: picture.size,
     near,
   });

@@ -82,7 +82,6 @@ export class Panel {
     for (const box of element("stages").querySelectorAll("input")) {
       const name = box.id.replace("stage-", "");
       box.closest("label").hidden = !offered.includes(name);
-      box.closest("label").style.display = offered.includes(name) ? "" : "none";
       box.checked = chosen.includes(name);
     }
   }

@@ -21,17 +21,13 @@ import {
   WebGLRenderer,
 } from "three";
 import { basisOf } from "./camera.js";
+import { hasItem } from "./items.js";
 import { Outlines } from "./outlines.js";
 import { Shade } from "./shade.js";
 
-export const COLORS = { seen: "#ffd166", hidden: "#ff7a45", outside: "#5b7fa6" };
+const COLORS = { seen: "#ffd166", hidden: "#ff7a45", outside: "#5b7fa6" };
 const SKY = new Color("#b9cfe0");
 const GROUND = new Color("#12161b");
-
-/** Sets of items that one drawing shows. */
-const SEEN = "seen";
-const HIDDEN = "hidden";
-const OUTSIDE = "outside";
 
 export class Picture {
   constructor(canvas) {
@@ -118,11 +114,10 @@ export class Picture {
     for (const { mesh, first, count } of this.model.batches) {
       const end = first + count;
       for (let word = first >>> 5; word <= (end - 1) >>> 5; word++) {
-        let changed = (this.shown[word] ^ (bits[word] ?? 0)) >>> 0;
+        const changed = (this.shown[word] ^ (bits[word] ?? 0)) >>> 0;
         if (changed === 0) continue;
         for (let item = Math.max(first, 32 * word); item < Math.min(end, 32 * word + 32); item++) {
-          if ((changed >>> (item & 31)) & 1)
-            mesh.setVisibleAt(item - first, ((bits[word] >>> (item & 31)) & 1) === 1);
+          if ((changed >>> (item & 31)) & 1) mesh.setVisibleAt(item - first, hasItem(bits, item));
         }
       }
     }
@@ -130,15 +125,23 @@ export class Picture {
     this.shown.set(bits.length > this.shown.length ? bits.subarray(0, this.shown.length) : bits);
   }
 
-  /** Sets of items by what they are in this frame. */
+  /** The set of all items. */
+  get all() {
+    return new Uint32Array(this.shown.length).fill(0xffffffff);
+  }
+
+  /** Items that are not seen in this frame, `hidden` within the view and `outside` of it. Made when read. */
   sets({ seen, inView }) {
-    const length = this.shown.length;
+    const { length } = this.shown;
     const at = (bits, word) => bits[word] ?? 0;
     const make = (value) => Uint32Array.from({ length }, (_, word) => value(word));
     return {
-      [SEEN]: make((word) => at(seen, word)),
-      [HIDDEN]: make((word) => at(inView, word) & ~at(seen, word)),
-      [OUTSIDE]: make((word) => ~at(inView, word) & ~at(seen, word)),
+      get hidden() {
+        return make((word) => at(inView, word) & ~at(seen, word));
+      },
+      get outside() {
+        return make((word) => ~at(inView, word) & ~at(seen, word));
+      },
     };
   }
 
@@ -202,20 +205,19 @@ export class Picture {
     const { renderer, scene, materials } = this;
     const sets = this.sets(bits);
     const eye = above ? this.#lookDown(camera, above) : this.look(camera);
-    renderer.info.reset();
     if (this.sun.shadow.needsUpdate) {
       // Once, of all items.
-      this.show(this.shown.slice().fill(0xffffffff));
+      this.show(this.all);
       renderer.render(scene, eye);
     }
     this.shade.begin(above ? GROUND : SKY);
     if (above) {
-      this.show(sets[OUTSIDE]);
+      this.show(sets.outside);
       this.#draw(eye, materials.outside);
-      this.show(sets[HIDDEN]);
+      this.show(sets.hidden);
       this.#draw(eye, materials.hidden);
     }
-    this.show(sets[SEEN]);
+    this.show(bits.seen);
     renderer.info.reset();
     this.#draw(eye, null);
     const { triangles, calls } = renderer.info.render;
@@ -223,12 +225,12 @@ export class Picture {
     if (this.lines.visible) this.#showView(culled, above ? above / 3 : this.size / 4);
     this.shade.end(eye, above ? 0 : 1, this.size);
     if (ghosts && !above) {
-      this.show(sets[HIDDEN]);
+      this.show(sets.hidden);
       this.#draw(eye, materials.glow);
     }
     this.outlines.show(
-      ghosts ? sets[HIDDEN] : null,
-      ghosts && (above || culled !== camera) ? sets[OUTSIDE] : null,
+      ghosts ? sets.hidden : null,
+      ghosts && (above || culled !== camera) ? sets.outside : null,
     );
     renderer.render(this.overlay, eye);
     return { triangles, calls };

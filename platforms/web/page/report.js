@@ -2,6 +2,7 @@
 // lines of code that do the same in an engine.
 
 import { STAGES } from "./culling.js";
+import { hasItem } from "./items.js";
 import { pause } from "./load.js";
 import { snippets } from "./snippets.js";
 
@@ -32,7 +33,7 @@ async function measure({ culling, picture, judge, say }, stages, cameras, settin
     const { seen } = culling.bits;
     let triangles = 0;
     picture.model.triangles.forEach((count, item) => {
-      if ((seen[item >>> 5] >>> (item & 31)) & 1) triangles += count;
+      if (hasItem(seen, item)) triangles += count;
     });
     const judged = judge.compare(picture, camera, seen);
     rows.push({ objects: culling.visible.count, triangles, ...judged });
@@ -76,7 +77,7 @@ function takePictures({ culling, picture, canvas }, camera) {
 }
 
 /** Makes the report as text. See `saveReport` for what it takes. */
-export async function makeReport(tools) {
+async function makeReport(tools) {
   const { culling, picture, canvas, walk, near, state, visibility } = tools;
   const aspect = WIDTH / HEIGHT;
   const all = Array.from({ length: Math.min(CAMERAS, walk.length) }, (_, i) => {
@@ -85,7 +86,7 @@ export async function makeReport(tools) {
   });
   const here = { ...state.camera, aspect };
   const { chosen } = culling;
-  const settings = { height: HEIGHT, pixels: state.pixels, zBuffer: [512, 288], size: picture.size, near };
+  const settings = { height: HEIGHT, pixels: state.pixels, size: picture.size, near };
   const title = (name) => STAGES.find((stage) => stage.name === name)?.title.toLowerCase() ?? name;
   const rows = [
     await measure(tools, [], all, settings, "everything"),

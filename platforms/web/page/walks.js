@@ -17,7 +17,8 @@ const LEAST_CELLS = 6;
 const KEYS = 24;
 /** Keys of the way around the model, which are the last. */
 export const AROUND = 24;
-const FOV_Y = 1.05;
+/** Vertical field of view in radians of cameras that come without one. */
+export const FOV_Y = 1.05;
 
 /** Cells of a level that are blocked. */
 function level(bounds, box, step, [columns, rows], y, clearance) {
@@ -96,7 +97,7 @@ function longestWay(open, columns, rows, place) {
 }
 
 /** Cameras through a model: `bounds` are 6 numbers for each object, `box` is around all. */
-export function walksOf(bounds, box, near) {
+export function walksOf(bounds, box) {
   const [x0, y0, z0, x1, y1, z1] = box;
   const step = Math.max(x1 - x0, z1 - z0, 1e-6) / GRID;
   const [columns, rows] = [x1 - x0, z1 - z0].map((length) => Math.max(1, Math.ceil(length / step)));
@@ -125,9 +126,9 @@ export function walksOf(bounds, box, near) {
       best.y,
       z0 + (Math.floor(cell / columns) + 0.5) * step,
     ]);
-    return along(smooth(places), near);
+    return along(smooth(places));
   });
-  return [...keys, ...around(box, near)];
+  return [...keys, ...around(box)];
 }
 
 /** Places of a way, each the mean of its neighbours. */
@@ -139,10 +140,10 @@ function smooth(places) {
   });
 }
 
-const camera = (eye, target, near) => ({ eye, target, up: [0, 1, 0], fovY: FOV_Y, aspect: 1, near });
+const camera = (eye, target) => ({ eye, target, up: [0, 1, 0], fovY: FOV_Y });
 
 /** Cameras along a way, each looking at where the way leads, and back from its end. */
-function along(places, near) {
+function along(places) {
   const count = Math.min(KEYS, places.length);
   const last = places.length - 1;
   return Array.from({ length: count }, (_, key) => {
@@ -150,12 +151,12 @@ function along(places, near) {
     const ahead = places[Math.min(last, at + 6)];
     const target = at + 2 > last ? places[at].map((x, i) => x + (x - places[Math.max(0, at - 6)][i])) : ahead;
     const isSame = Math.hypot(...target.map((x, i) => x - places[at][i])) < 1e-9;
-    return camera(places[at], isSame ? [places[at][0] + 1, places[at][1], places[at][2]] : target, near);
+    return camera(places[at], isSame ? [places[at][0] + 1, places[at][1], places[at][2]] : target);
   });
 }
 
 /** Cameras once around a model, looking at its middle. */
-function around([x0, y0, z0, x1, y1, z1], near) {
+function around([x0, y0, z0, x1, y1, z1]) {
   const middle = [(x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2];
   const reach = 0.75 * Math.hypot(x1 - x0, y1 - y0, z1 - z0);
   return Array.from({ length: AROUND }, (_, key) => {
@@ -165,6 +166,6 @@ function around([x0, y0, z0, x1, y1, z1], near) {
       middle[1] + 0.45 * reach,
       middle[2] + reach * Math.sin(angle),
     ];
-    return camera(eye, middle, near);
+    return camera(eye, middle);
   });
 }

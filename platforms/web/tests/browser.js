@@ -39,6 +39,16 @@ if (typeof browser === "string") {
 const server = await serve();
 const save = (tab, name) => tab.picture(`${pictures}/${name}.png`);
 const complaints = [];
+/** Query of the page for most tests. */
+const OFFICE = "scene=office&still&full";
+
+/** Opens the page with a query, does `work` with its tab, keeps the complaints of the page, and closes it. */
+async function inTab(query, work, viewport = WIDE) {
+  const tab = await Tab.open(browser, `${server.address}?${query}`, viewport);
+  await work(tab);
+  complaints.push(...tab.complaints);
+  await tab.page.close();
+}
 
 /** Built-in scenes: answers as native, no wrong pixel. */
 async function builtInScenes() {
@@ -47,43 +57,40 @@ async function builtInScenes() {
     ["office", "office"],
   ]) {
     for (const simd128 of scene === "city" ? [1] : [0, 1]) {
-      const tab = await Tab.open(
-        browser,
-        `${server.address}?scene=${scene}&simd128=${simd128}&still&full`,
-        WIDE,
-      );
-      // The module without SIMD is one picture; its answers are compared outside the browser.
-      const frames = simd128 ? FRAMES : FRAMES.slice(0, 1);
-      const names = Object.keys(STAGES).filter((name) => native.has(`${recipe} ${name} 0`));
-      assert.ok(names.length >= 2, `native answers of ${recipe}`);
-      for (const name of names) {
-        for (const frame of frames) {
-          const at = `${scene}, ${name}, frame ${frame}`;
-          const state = await tab.judged(
-            `page.chooseStages(${JSON.stringify(STAGES[name])}); page.goTo(${frame})`,
-          );
-          assert.equal(state.visible, native.get(`${recipe} ${name} ${frame}`), at);
-          assert.equal(state.check.wrongPixels, 0, `wrong pixels: ${at}`);
-          assert.equal(state.check.wrongObjects, 0, `wrong objects: ${at}`);
-          assert.ok(state.check.shown > 0 && state.check.shown <= state.visible, `objects that show: ${at}`);
+      await inTab(`scene=${scene}&simd128=${simd128}&still&full`, async (tab) => {
+        // The module without SIMD is one picture; its answers are compared outside the browser.
+        const frames = simd128 ? FRAMES : FRAMES.slice(0, 1);
+        const names = Object.keys(STAGES).filter((name) => native.has(`${recipe} ${name} 0`));
+        assert.ok(names.length >= 2, `native answers of ${recipe}`);
+        for (const name of names) {
+          for (const frame of frames) {
+            const at = `${scene}, ${name}, frame ${frame}`;
+            const state = await tab.judged(
+              `page.chooseStages(${JSON.stringify(STAGES[name])}); page.goTo(${frame})`,
+            );
+            assert.equal(state.visible, native.get(`${recipe} ${name} ${frame}`), at);
+            assert.equal(state.check.wrongPixels, 0, `wrong pixels: ${at}`);
+            assert.equal(state.check.wrongObjects, 0, `wrong objects: ${at}`);
+            assert.ok(
+              state.check.shown > 0 && state.check.shown <= state.visible,
+              `objects that show: ${at}`,
+            );
+          }
         }
-      }
-      if (simd128) {
-        await save(tab, scene);
-        await tab.act(`page.toggle("ghosts", true)`);
-        await save(tab, `${scene}-hidden`);
-        await tab.act(`page.toggle("freeze", true); page.toggle("above", true)`);
-        await save(tab, `${scene}-above`);
-      }
-      complaints.push(...tab.complaints);
-      await tab.page.close();
+        if (simd128) {
+          await save(tab, scene);
+          await tab.act(`page.toggle("ghosts", true)`);
+          await save(tab, `${scene}-hidden`);
+          await tab.act(`page.toggle("freeze", true); page.toggle("above", true)`);
+          await save(tab, `${scene}-above`);
+        }
+      });
     }
   }
 }
 
 /** Models of files, from drop to picture; and files that are none. */
-async function files() {
-  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+async function files(tab) {
   const path = (name) => `${pictures}/${name}`;
   // Looks at the wall from the front: what is behind it is hidden, the red box is not.
   const front = `page.lookFrom([0, 3, 25], [0, 3, 0])`;
@@ -125,13 +132,10 @@ async function files() {
   assert.deepEqual(rows[0], ["everything", "38"]);
   assert.match(report, />0 of [\d,]+<\/td><td>0<\/td><td>conservative/);
   assert.match(report, /visibility-three/);
-  complaints.push(...tab.complaints);
-  await tab.page.close();
 }
 
 /** Surfaces of one side whose node, or whose instance, is mirrored: the library has the sides of the picture. */
-async function mirrors() {
-  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+async function mirrors(tab) {
   const path = `${pictures}/mirrored.glb`;
   const from = (z) => `page.chooseStages(["frustum", "zbuffer"]); page.lookFrom([0, 3, ${z}], [0, 3, 0])`;
   for (const instance of [null, false, true]) {
@@ -148,13 +152,10 @@ async function mirrors() {
       }
     }
   }
-  complaints.push(...tab.complaints);
-  await tab.page.close();
 }
 
 /** Cameras that look straight down: one of a file, and that of a person. */
-async function straightDown() {
-  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+async function straightDown(tab) {
   const path = (name) => `${pictures}/${name}`;
   await writeWall(path("wall.glb"));
   await tab.openFiles(path("wall.glb"));
@@ -177,13 +178,10 @@ async function straightDown() {
     [0, 0, -1],
     "its upper edge is towards -z",
   );
-  complaints.push(...tab.complaints);
-  await tab.page.close();
 }
 
 /** What is drawn whatever the cullers find counts for the size of the model, and is freed with it. */
-async function looseObjects() {
-  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+async function looseObjects(tab) {
   await writePoints(`${pictures}/points.glb`);
   const { objects, camera } = await tab.openFiles(`${pictures}/points.glb`);
   const distance = Math.hypot(...camera.eye);
@@ -230,13 +228,10 @@ async function looseObjects() {
     "picture of item",
     "texture of bones",
   ]);
-  complaints.push(...tab.complaints);
-  await tab.page.close();
 }
 
 /** Vertices far from their node's origin: boxes hold where the card puts them, and they hide nothing. */
-async function farVertices() {
-  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+async function farVertices(tab) {
   const found = await tab.page.evaluate(async () => {
     const { BoxGeometry, Group, Mesh, MeshStandardMaterial } = await import("three");
     const { load } = await import("../package/visibility.js");
@@ -261,13 +256,10 @@ async function farVertices() {
   // Single-precision numbers up to 2^23 are half a metre apart: the card moves both ends by up to a quarter.
   assert.equal(far.made, 0);
   assert.ok(far.height >= 1.5, `the box of far vertices is ${far.height} high`);
-  complaints.push(...tab.complaints);
-  await tab.page.close();
 }
 
 /** A report is not disturbed by what a person does meanwhile. */
-async function reports() {
-  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+async function reports(tab) {
   await writeWall(`${pictures}/wall.glb`);
   await tab.openFiles(`${pictures}/wall.glb`);
   await tab.act(`page.chooseStages(["frustum", "size", "zbuffer"])`);
@@ -288,13 +280,10 @@ async function reports() {
   const opened = await tab.act(`page.chooseScene("city")`);
   await tab.until(`page.state.scene === "city" && !page.state.loading`);
   assert.equal(opened.message ?? "", "", "scenes can be chosen again");
-  complaints.push(...tab.complaints);
-  await tab.page.close();
 }
 
 /** Files that are no model: a message, and the former model stays. */
-async function refusals() {
-  const tab = await Tab.open(browser, `${server.address}?scene=office&still&full`, WIDE);
+async function refusals(tab) {
   const path = (name) => `${pictures}/${name}`;
   const bytes = await writeWall(path("wall.glb"));
   await writeFile(path("cut.glb"), bytes.subarray(0, 900));
@@ -328,15 +317,13 @@ async function refusals() {
   const { objects, errors } = await tab.openFiles(path("picture.gltf"));
   assert.deepEqual([objects, errors], [1, 0], "a model whose picture is missing");
   // Only that an address is missing may be said there.
-  complaints.push(
-    ...tab.complaints.splice(0).filter((text) => !/data:,|lacks|away\.bin|Couldn't load texture/.test(text)),
+  tab.complaints = tab.complaints.filter(
+    (text) => !/data:,|lacks|away\.bin|Couldn't load texture/.test(text),
   );
-  await tab.page.close();
 }
 
 /** Keys, mouse and touch. */
-async function input() {
-  const tab = await Tab.open(browser, `${server.address}?scene=office&full`, WIDE);
+async function input(tab) {
   const { page } = tab;
   const before = await tab.act();
   assert.ok((await tab.act()).key > before.key, "the tour goes on");
@@ -366,15 +353,12 @@ async function input() {
   const { stages } = await tab.act();
   await page.keyboard.press("c");
   assert.notDeepEqual((await tab.act()).stages, stages, "a key takes the next culler");
-  complaints.push(...tab.complaints);
-  await page.close();
 }
 
 /** A phone's screen and fingers. */
-async function phone() {
-  const phone = await Tab.open(browser, `${server.address}?scene=office&still&full`, PHONE);
+async function phone(tab) {
   const rectangle = (selector) =>
-    phone.page.$eval(selector, (element) => {
+    tab.page.$eval(selector, (element) => {
       const { top, bottom, left, right } = element.getBoundingClientRect();
       return { top, bottom, left, right };
     });
@@ -382,37 +366,36 @@ async function phone() {
   assert.ok(panel.top >= picture.bottom - 1, "no panel is over the picture");
   assert.ok(picture.bottom > 400 && panel.bottom <= 845 && panel.right <= 391, "both are on the screen");
   const drag = async (x) => {
-    const from = await phone.act();
-    const touch = await phone.page.touchscreen.touchStart(x, 300);
+    const from = await tab.act();
+    const touch = await tab.page.touchscreen.touchStart(x, 300);
     await touch.move(x, 240);
-    await phone.act();
+    await tab.act();
     await touch.end();
-    return [from.camera, (await phone.act()).camera];
+    return [from.camera, (await tab.act()).camera];
   };
   const [standing, pushed] = await drag(80);
   assert.notDeepEqual(pushed.eye, standing.eye, "a finger on the left half moves the camera");
   const [ahead, aside] = await drag(320);
   assert.deepEqual(aside.eye, ahead.eye, "a finger on the right half does not move the camera");
   assert.notDeepEqual(aside.target, ahead.target, "a finger on the right half turns the camera");
-  await save(phone, "phone");
-  complaints.push(...phone.complaints);
-  await phone.page.close();
+  await save(tab, "phone");
 }
 
 try {
   const tests = [
-    builtInScenes,
-    files,
-    mirrors,
-    straightDown,
-    looseObjects,
-    farVertices,
-    reports,
-    refusals,
-    input,
-    phone,
+    [files, OFFICE],
+    [mirrors, OFFICE],
+    [straightDown, OFFICE],
+    [looseObjects, OFFICE],
+    [farVertices, OFFICE],
+    [reports, OFFICE],
+    [refusals, OFFICE],
+    [input, "scene=office&full"],
+    [phone, OFFICE, PHONE],
   ];
-  for (const test of tests) if (!part || test.name === part) await test();
+  const isWanted = ({ name }) => !part || name === part;
+  if (isWanted(builtInScenes)) await builtInScenes();
+  for (const [test, query, viewport] of tests) if (isWanted(test)) await inTab(query, test, viewport);
   assert.deepEqual(complaints, [], "the console has no errors");
   console.log(`the page in ${await browser.version()}: as native; pictures in ${pictures}`);
 } finally {

@@ -21,6 +21,11 @@ import { Matrix4 } from "three";
 /** The box of nothing: the library never hides an object that has it. */
 export const EMPTY = new Float64Array([1, 1, 1, -1, -1, -1]);
 
+/** Returns a box that holds no point: the least corner is at infinity, the greatest at minus infinity. */
+export function emptyBox() {
+  return new Float64Array([Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity]);
+}
+
 /** Greatest error of two products, relative to R of the second: 16 u. See above. */
 const ROUNDING = 2 ** -20;
 /** The same of the products of bones: 30 u, rounded up. See `skinnedBox`. */
@@ -110,7 +115,7 @@ export function skinnedBox(mesh, { bones, reach }, out, at, origin) {
     out.fill(NaN, at, at + 6);
     return;
   }
-  const local = new Float64Array([Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity]);
+  const local = emptyBox();
   const bound = reachOf(bindMatrix, reach);
   let moved = [0, 0, 0];
   bones.boxes.forEach((box, i) => {

@@ -10,15 +10,18 @@ import {
   NormalBlending,
   Sphere,
 } from "three";
-import { Surface, surfaceOfOne } from "./surfaces.js";
+import { Surface } from "./surfaces.js";
 
 /** Returns how many instances of an `InstancedMesh` are drawn: WebGL takes the whole part, of NaN 0. */
 export function countOf({ count }) {
   return Math.max(0, Math.trunc(count) || 0);
 }
 
-/** Whether some of a mesh's instances can be left out. If not, it is drawn whole, or hidden whole. */
-export function canLeaveOut(mesh, renderer) {
+/**
+ * Whether some of a mesh's instances can be left out. If not, it is drawn whole, or hidden whole. `surfaces`
+ * are the `Surfaces` of this frame.
+ */
+export function canLeaveOut(mesh, renderer, surfaces) {
   // WebGPURenderer reads instances elsewhere.
   if (!renderer.isWebGLRenderer) return false;
   if (mesh.isBatchedMesh) return true;
@@ -26,7 +29,7 @@ export function canLeaveOut(mesh, renderer) {
   const { attributes } = mesh.geometry;
   return (
     (!mesh.instanceColor || mesh.instanceColor.array) &&
-    [mesh.material].flat().every(isUnordered) &&
+    [mesh.material].flat().every((material) => isUnordered(material, surfaces)) &&
     !Object.values(attributes).some(
       (a) => a.isInstancedBufferAttribute || a.data?.isInstancedInterleavedBuffer,
     )
@@ -34,12 +37,13 @@ export function canLeaveOut(mesh, renderer) {
 }
 
 /** Whether a picture is the same in whichever order the instances of a material are drawn. */
-function isUnordered(material) {
+function isUnordered(material, surfaces) {
   if (!material) return true;
   const { transparent, depthWrite, blending } = material;
   const isBlended = transparent || !depthWrite || (blending !== NormalBlending && blending !== NoBlending);
-  // What is blended keeps the order that the user has chosen; a shader of the user's own may count instances.
-  return !isBlended && surfaceOfOne(material) !== Surface.NeverHidden;
+  // Blended instances keep the order that the user has chosen. A shader of the user's own may count
+  // instances.
+  return !isBlended && surfaces.now(material) !== Surface.NeverHidden;
 }
 
 /** What a carrier is made of: three.js reads its attributes, and draws nothing. */

@@ -1,12 +1,13 @@
 // What materials and geometries allow: which meshes may be hidden, which hide others, and by which triangles.
 
 import { BackSide, DoubleSide, LessDepth, LessEqualDepth, Material, NoBlending, NormalBlending } from "three";
+import { emptyBox } from "./boxes.js";
 
 /** What a mesh is to the culler. From `Front` on it hides others, from the sides that are named. */
 export const Surface = Object.freeze({ NeverHidden: 0, Hideable: 1, Front: 2, Back: 3, Double: 4 });
 
 /** Returns the surface of one material. */
-export function surfaceOfOne(material) {
+function surfaceOfOne(material) {
   const isHideable =
     // A shader of the user's own may move vertices, or draw in front of all else.
     !material.isShaderMaterial &&
@@ -76,11 +77,14 @@ export class Surfaces {
     return known.surface;
   }
 
+  /** Returns the surface of a material in this frame. */
+  now(material) {
+    return this.refresh(this.of(material));
+  }
+
   /** Returns the surface of a mesh with several materials: what all of them allow. */
   ofAll(materials, geometry) {
-    const surfaces = materials.map((material) =>
-      material ? this.refresh(this.of(material)) : Surface.Hideable,
-    );
+    const surfaces = materials.map((material) => (material ? this.now(material) : Surface.Hideable));
     const least = Math.min(...surfaces);
     if (least <= Surface.Hideable || !drawsAll(geometry, materials)) return Math.min(least, Surface.Hideable);
     return sideOf(materials);
@@ -201,10 +205,6 @@ export class Shape {
     for (const mesh of this.#meshes.values()) if (mesh !== null) scene.removeMesh(mesh);
     this.#meshes.clear();
   }
-}
-
-function emptyBox() {
-  return new Float64Array([Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity]);
 }
 
 function addPoint(box, x, y, z) {

@@ -44,7 +44,8 @@ export function setView(view, camera, origin, clippingPlanes) {
  */
 function drawsNearestFronts({ projectionMatrix, matrixWorldInverse, reversedDepth }) {
   const e = projectionMatrix.elements;
-  // Of x, y and w: below 0 for perspectives that are not mirrored, 0 for parallel projections.
+  // Determinant of the rows of x, y and w: below 0 for a perspective that is not mirrored, 0 for a parallel
+  // projection.
   const picture = new Matrix3().set(e[0], e[4], e[8], e[1], e[5], e[9], e[3], e[7], e[11]).determinant();
   const depth = projectionMatrix.determinant() * (reversedDepth ? -1 : 1);
   const side = matrixWorldInverse.determinant();

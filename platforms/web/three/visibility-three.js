@@ -50,8 +50,9 @@ export class VisibilityCulling {
   /** Entries in the order in which the last frame met them, most often that of this frame. */
   #order = [];
   #met = 0;
-  /** Where each entry was, 16 numbers at its slot, and slots that are free. */
+  /** World matrix of each entry as the library has it: 16 numbers, from 16 times its slot on. */
   #worlds = new Float64Array(16 * 1024);
+  /** Slots of entries that are gone. */
   #freeSlots = [];
   #isSameOrder = true;
   /** Whether the last frame followed the scene to its end: a callback of the user's may throw. */
@@ -69,7 +70,7 @@ export class VisibilityCulling {
   /** Entries to be added to the library, and those that have moved. */
   #added = [];
   #moved = [];
-  /** What is hidden while the renderer collects, and what undoes it. */
+  /** The camera that is drawn, and the meshes and instances that are hidden from it. Null between frames. */
   #active = null;
   #last = new LOD();
   #former;
@@ -123,7 +124,7 @@ export class VisibilityCulling {
     this.#end();
     this.#isDisposed = true;
     const { scene } = this;
-    // Another's callback that was put over this one calls it still: it does nothing from now on.
+    // A callback that somebody has put over this one still calls it: this one does nothing from now on.
     if (scene.onBeforeRender === this.#former.installed) {
       scene.onBeforeRender = this.#former.onBeforeRender;
       scene.onAfterRender = this.#former.onAfterRender;
@@ -136,7 +137,7 @@ export class VisibilityCulling {
     this.#order = [];
   }
 
-  // A frame.
+  // Culling of a frame.
 
   #begin(renderer, camera) {
     // A frame that was not ended: the renderer threw, or this is a mirror's picture within it. If the frame
@@ -218,10 +219,10 @@ export class VisibilityCulling {
       // A bundle records draw calls of the meshes that are visible at that time; a clipping group cuts holes
       // into occluders.
       if (object.isBundleGroup || object.isClippingGroup) return;
-      // As the renderer does: groups that are not on its layers have no order.
+      // Groups that are not on the camera's layers have no order, as in the renderer.
       if (object.layers.test(camera.layers)) groupOrder = object.renderOrder;
     } else if (object.isLOD && isShown && object.autoUpdate && object.layers.test(camera.layers)) {
-      // As the renderer will do: only then it is known which level is drawn.
+      // Chooses the level that the renderer will choose: only that level is drawn.
       object.update(camera);
     }
     const { children } = object;
@@ -243,7 +244,8 @@ export class VisibilityCulling {
     const surface = groupOrder === 0 ? this.#surfaceOf(entry) : Surface.NeverHidden;
     if (surface !== entry.surface || object.geometry !== entry.geometry || this.#isAnew(entry)) {
       this.#remove(entry);
-      // Until it is shown, its content may be written without `needsUpdate`: it is read then.
+      // The content of a mesh that is not shown may be written without `needsUpdate`: it is read once the mesh
+      // is shown.
       entry.surface = layers === 0 ? Surface.NeverHidden : surface;
       entry.geometry = object.geometry;
       if (entry.surface === Surface.NeverHidden || !this.#shape(entry)) return;
@@ -269,7 +271,7 @@ export class VisibilityCulling {
     return entry;
   }
 
-  /** Whether a mesh, or one of its instances, is elsewhere than it was. */
+  /** Whether the matrix of a mesh, or of one of its instances, is not the one that the library has. */
   #hasMoved({ object, slot, matrices, version, many }) {
     const { elements } = object.matrixWorld;
     const worlds = this.#worlds;
@@ -279,7 +281,7 @@ export class VisibilityCulling {
     return present !== matrices || present.version !== version;
   }
 
-  /** Keeps where a mesh is. */
+  /** Keeps the matrix of a mesh, and the version of the matrices of its instances. */
   #keep(entry) {
     this.#worlds.set(entry.object.matrixWorld.elements, 16 * entry.slot);
     if (entry.many === null) return;
@@ -287,7 +289,7 @@ export class VisibilityCulling {
     entry.version = entry.matrices.version;
   }
 
-  /** Returns what a mesh is now, from what may change from frame to frame. */
+  /** Returns the surface of a mesh in this frame, from properties that may change from frame to frame. */
   #surfaceOf(entry) {
     const { object } = entry;
     const { geometry, material } = object;
@@ -300,7 +302,7 @@ export class VisibilityCulling {
       object.renderOrder !== 0 ||
       geometry.morphAttributes.position !== undefined ||
       object.morphTexture ||
-      // Matrices on the graphics card alone; instances that have bones, too.
+      // Instances whose matrices are on the graphics card alone, and instances that have bones.
       (object.isInstancedMesh && !hasMatrices(object)) ||
       (object.isSkinnedMesh && matricesOf(object))
     )
@@ -413,7 +415,7 @@ export class VisibilityCulling {
     entry.waits = false;
   }
 
-  /** Adds the entries that wait for it to the library. */
+  /** Adds the entries of `#added` to the library. */
   #insert() {
     const count = this.#added.reduce((sum, { many }) => sum + (many?.count ?? 1), 0);
     if (count === 0) {
@@ -467,7 +469,7 @@ export class VisibilityCulling {
       this.#keep(entry);
       if (entry.surface <= Surface.Hideable || entry.waits) continue;
       entry.waits = true;
-      // Its occluder meshes are where it was, also if it has turned within the same box.
+      // The entry's occluder meshes are at its former place, also if it has turned within the same box.
       for (const id of entry.ids) this.#followed.setFlags(id, 0);
     }
     this.#moved.length = 0;
@@ -511,7 +513,7 @@ export class VisibilityCulling {
     }
   }
 
-  // Hiding, and putting back.
+  // Hiding of meshes and instances, and their return.
 
   #hide(renderer, camera, bits) {
     const active = { camera, masked: [], undo: [], hiddenCount: 0, isCollected: false };
@@ -524,7 +526,7 @@ export class VisibilityCulling {
         if (isVisible(entry.index)) continue;
         active.hiddenCount++;
       } else if (this.#leaveOut(entry, renderer, isVisible)) continue;
-      // Layers of another, not the mask of its own: those may be shared.
+      // The mesh gets another object of layers. The mask of its own stays: several meshes may share it.
       entry.hidden ??= new HiddenLayers();
       entry.hidden.former = entry.object.layers;
       entry.object.layers = entry.hidden;
@@ -544,7 +546,8 @@ export class VisibilityCulling {
       shown++;
       if (!isVisible(indices[i])) hidden.push(i);
     }
-    if (hidden.length === 0 || (hidden.length < shown && !canLeaveOut(object, renderer))) return true;
+    if (hidden.length === 0 || (hidden.length < shown && !canLeaveOut(object, renderer, this.#surfaces)))
+      return true;
     active.hiddenCount += hidden.length;
     if (hidden.length === shown) return false;
     const isCamera = (camera) => active === this.#active && camera === active.camera;
@@ -571,7 +574,7 @@ export class VisibilityCulling {
     for (const { restore } of active.undo) restore();
   }
 
-  /** The scene is drawn: all is as it was. */
+  /** Ends a frame, after the scene is drawn: gives back layers, instances and callbacks. */
   #end() {
     if (!this.#active) return;
     this.#collected();
