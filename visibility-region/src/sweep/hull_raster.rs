@@ -28,8 +28,9 @@ pub(super) fn draw_hull(map: &mut PixelBlock, p: &Spread, q: &Spread, rect: Pixe
         let a = if a > begin { a } else { begin };
         // Clamping the ends before the comparison would lose a hull within the right half of the last column.
         if a <= b && a < end {
-            let b = if b < end { pixel_at(b) } else { rect.x[1] };
-            row.set_span(pixel_at(a), b.min(rect.x[1]));
+            let b = if b < end { pixel_at(b).min(rect.x[1]) } else { rect.x[1] };
+            // `pixel_at` may round `a` up to `end`.
+            row.set_span(pixel_at(a).min(b), b);
         }
     }
 }
@@ -115,6 +116,16 @@ mod tests {
             assert!(!must || is_set, "{x} {y} is not drawn of {p:?} {q:?} in {rect:?}");
             assert!(may || !is_set, "{x} {y} is drawn of {p:?} {q:?} in {rect:?}");
         }
+    }
+
+    #[test]
+    fn a_left_end_that_rounds_to_the_end_of_the_rectangle_is_in_its_last_column() {
+        let (mut map, rect) = (PixelBlock::new(), PixelRect { x: [0, 63], y: [0, 3] });
+        map.begin(rect);
+        let a = 64.0 - 2f64.powi(-34);
+        draw_hull(&mut map, &[[a, a + 1.0], [0.5, 0.5]], &[[a, a + 1.0], [2.5, 2.5]], rect);
+        let columns: Vec<usize> = (0..64).filter(|&x| map.get(x, 1)).collect();
+        assert_eq!(columns, [63], "columns of the second row");
     }
 
     /// Ranges whose ends are at, just before or just after the ends and the middles of the first and the last

@@ -139,8 +139,9 @@ impl Polygon {
             // Clamping the ends before the comparison would lose a span within the right half of the last
             // column.
             if left <= right && left < end {
-                let right = if right < end { pixel_at(right) } else { rect.x[1] };
-                row.set_span(pixel_at(left), right.min(rect.x[1]));
+                let right = if right < end { pixel_at(right).min(rect.x[1]) } else { rect.x[1] };
+                // `pixel_at` may round `left` up to `end`.
+                row.set_span(pixel_at(left).min(right), right);
                 any = true;
             }
         }
@@ -151,6 +152,7 @@ impl Polygon {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use alloc::vec::Vec;
 
     /// Tests by separating lines, in integers, whether a triangle meets the middle line of a pixel that is
     /// extended by `grow` units at both ends. A pixel is 64 units wide.
@@ -168,6 +170,18 @@ mod tests {
             let most = |of: &[i64]| of.iter().copied().fold(i64::MIN, i64::max);
             least(&t) <= most(&l) && least(&l) <= most(&t)
         })
+    }
+
+    #[test]
+    fn a_left_side_that_rounds_to_the_end_of_the_rectangle_is_in_its_last_column() {
+        let (mut inside, map, mut sides) = (PixelBlock::new(), RayMap::new(), [[0.0; SIDE]; 2]);
+        let rect = PixelRect { x: [0, 63], y: [0, 3] };
+        inside.begin(rect);
+        let left = 64.0 - 2f64.powi(-34);
+        let corners = [[left, 0.0], [left, 4.0], [70.0, 2.0]].map(|[x, y]| DVec3::new(x, y, 1.0));
+        let any = Polygon::cut(corners, 0.5, 2.0).fill(&mut inside, &mut sides, &map, &Window::unit(), rect);
+        let columns: Vec<_> = (0..64).filter(|&x| inside.get(x, 1)).collect();
+        assert_eq!((any, &columns[..]), (true, &[63][..]), "columns of the second row");
     }
 
     #[test]
