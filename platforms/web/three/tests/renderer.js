@@ -38,6 +38,11 @@ function frustumOf(camera) {
   return new Frustum().setFromProjectionMatrix(matrix, coordinateSystem, reversedDepth);
 }
 
+/** What three.js asks: r187 the object, r180 the frustum. */
+function intersects(object, frustum) {
+  return object.intersectsFrustum?.(frustum) ?? frustum.intersectsObject(object);
+}
+
 /** `projectObject` of three.js. */
 function collect(object, camera, frustum, list, uploaded, renderer) {
   if (object.visible === false) return;
@@ -45,7 +50,7 @@ function collect(object, camera, frustum, list, uploaded, renderer) {
     if (object.isLOD) {
       if (object.autoUpdate) object.update(camera);
     } else if (object.isMesh || object.isLine || object.isPoints || object.isSprite) {
-      if (!object.frustumCulled || object.isSprite || frustum.intersectsObject(object)) {
+      if (!object.frustumCulled || object.isSprite || intersects(object, frustum)) {
         upload(object, uploaded, renderer);
         if (object.material.visible !== false) list.push(object);
       }
