@@ -35,7 +35,10 @@ test("cameras around a model look at it, also if it is one point", () => {
     [5, 5, 5, 5, 5, 5],
   ]) {
     for (const { eye, target } of walksOf(Float64Array.from(box), box))
-      assert.ok(Math.hypot(...eye.map((x, i) => x - target[i])) > 0.1, `box ${box}: from ${eye} to ${target}`);
+      assert.ok(
+        Math.hypot(...eye.map((x, i) => x - target[i])) > 0.1,
+        `box ${box}: from ${eye} to ${target}`,
+      );
   }
 });
 
