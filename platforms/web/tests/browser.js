@@ -325,7 +325,7 @@ async function refusals(tab) {
   );
 }
 
-/** What a person does before the library is there: keys are ignored, and a file is shown in place of the scene. */
+/** What a person does before the library is there: keys do no harm, a file is shown in place of the scene. */
 async function early() {
   const path = (name) => `${pictures}/${name}`;
   await writeWall(path("wall.glb"));

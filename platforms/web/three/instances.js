@@ -74,8 +74,8 @@ export class InstanceOrder {
   /** Takes over the content of the mesh's attributes, where it has changed. */
   update({ instanceMatrix, instanceColor }) {
     if (this.matrices?.from !== instanceMatrix || this.colors?.from !== (instanceColor ?? undefined)) {
-      // Frees the buffers of both attributes on the graphics card. The renderer looks for freed buffers only where
-      // an attribute that the shader reads is another, and a shader may read no colours: both become others.
+      // Frees the buffers of both attributes on the graphics card. The renderer binds buffers anew only where an
+      // attribute that the shader reads is another, and a shader may read no colours: both become others.
       this.carrier.dispose();
       this.matrices = this.colors = null;
     }

@@ -1,13 +1,13 @@
 // Meshes and instances that three.js leaves out, although they are in view: by bounding spheres that do not
 // hold them.
 //
-// three.js draws a mesh if its bounding sphere meets the frustum. The sphere may be an old one: where instances
-// move, or vertices are written, only the program renews it. And three.js scales its radius by the longest
-// column of the mesh's matrix, which is too little for a matrix that shears. A mesh that is left out so hides
-// nothing.
+// three.js draws a mesh if its bounding sphere meets the frustum. The sphere may be an old one: where
+// instances move, or vertices are written, only the program renews it. And three.js scales its radius by the
+// longest column of the mesh's matrix, which is too little for a matrix that shears. A mesh that is left out so
+// hides nothing.
 //
-// An object that three.js leaves out is either truly beside the view, or its sphere does not hold it. A second
-// sphere tells these apart: it holds the vertices as they are now, and its radius is scaled by enough.
+// An object that three.js leaves out is either truly beside the view, or its sphere does not hold it. A
+// second sphere tells these apart: it holds the vertices as they are now, and its radius is scaled by enough.
 
 import { Frustum, Matrix4, Sphere, WebGLCoordinateSystem } from "three";
 import { place } from "./boxes.js";

@@ -80,8 +80,9 @@ class Buffers extends Map {
   #bound = new Map();
 
   /**
-   * `WebGLBindingStates` for instances: returns the content of matrices and colours. A mesh keeps the buffers that
-   * it was drawn with, also those that have been freed since, until an attribute that its shader reads is another.
+   * `WebGLBindingStates` for instances: returns the content of matrices and colours. A mesh keeps the buffers
+   * that it was drawn with, also those that have been freed since, until an attribute that its shader reads is
+   * another.
    */
   bind({ id, instanceMatrix, instanceColor, material }) {
     const readsColor = instanceColor && !material.isMeshNormalMaterial;

@@ -39,8 +39,8 @@ function open() {
 }
 
 /**
- * Asserts whether an instance of an object is drawn, and that three.js alone draws the lamp behind it; then, for
- * some frames with the culling, whether both are.
+ * Asserts whether an instance of an object is drawn, and that three.js alone draws the lamp behind it; then,
+ * for some frames with the culling, whether both are.
  */
 async function assertDrawn({ scene, lamp, camera }, object, instance, [isObject, isLamp], name, options) {
   const has = ({ drawn }) => [drawn.has(object, instance), drawn.has(lamp, 0)];
