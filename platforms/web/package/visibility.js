@@ -36,7 +36,6 @@ const OBJECT_BYTES = 36;
 const BOX_BYTES = 24;
 const POSE_BYTES = 72;
 const VOLUME_BYTES = 56;
-const PORTAL_BYTES = 16;
 const STATS_BYTES = 40;
 const COMPARISON_BYTES = 16;
 const WORK_BYTES = 48;
@@ -448,11 +447,8 @@ class Visibility {
         first += length;
         return [first - length, length, from, to];
       });
-      const [pointer, place] = [wasm.put(Uint32Array, numbers), wasm.borrow(8)];
-      const count = (numbers.length * 4) / PORTAL_BYTES;
-      const cells = whole(cellCount, "cellCount");
-      wasm.check("vis_graph_create", cells, pointer, count, points, vertices.length, place);
-      return new Graph(wasm, "graph", wasm.u32(place));
+      const of = [whole(cellCount, "cellCount"), wasm.put(Uint32Array, numbers), portals.length];
+      return Handle.made(Graph, wasm, "graph", "vis_graph_create", ...of, points, vertices.length);
     });
   }
 
@@ -460,18 +456,16 @@ class Visibility {
     const wasm = this.#wasm;
     return wasm.call(() => {
       const bytes = new TextEncoder().encode(text);
-      const [pointer, place] = [wasm.put(Uint8Array, bytes), wasm.borrow(8)];
-      wasm.check("vis_graph_read_prt", pointer, bytes.length, place);
-      return new Graph(wasm, "graph", wasm.u32(place));
+      const pointer = wasm.put(Uint8Array, bytes);
+      return Handle.made(Graph, wasm, "graph", "vis_graph_read_prt", pointer, bytes.length);
     });
   }
 
   createCells(graph, volumes, { tolerance = 1e-6 } = {}) {
     const wasm = this.#wasm;
     return wasm.call(() => {
-      const [parameters, place] = [wasm.volumes(volumes), wasm.borrow(8)];
-      wasm.check("vis_cells_create", wasm.pointer(graph, "graph"), ...parameters, tolerance, place);
-      return new Cells(wasm, "cells", wasm.u32(place));
+      const of = [wasm.pointer(graph, "graph"), ...wasm.volumes(volumes), tolerance];
+      return Handle.made(Cells, wasm, "cells", "vis_cells_create", ...of);
     });
   }
 
@@ -530,9 +524,8 @@ class Visibility {
   readPvs(bytes) {
     const wasm = this.#wasm;
     return wasm.call(() => {
-      const [pointer, place] = [wasm.put(Uint8Array, bytes), wasm.borrow(8)];
-      wasm.check("vis_pvs_read", pointer, bytes.length, place);
-      return new Pvs(wasm, "pvs", wasm.u32(place));
+      const pointer = wasm.put(Uint8Array, bytes);
+      return Handle.made(Pvs, wasm, "pvs", "vis_pvs_read", pointer, bytes.length);
     });
   }
 
@@ -541,41 +534,28 @@ class Visibility {
     return wasm.call(() => {
       let end = 0;
       const ends = rows.map((row) => (end += row.length));
-      const [endPointer, targets] = [
-        wasm.put(Uint32Array, ends),
-        wasm.put(
-          Uint32Array,
-          rows.flatMap((row) => [...row]),
-        ),
-      ];
-      const place = wasm.borrow(8);
-      const count = whole(targetCount, "targetCount");
-      wasm.check("vis_pvs_create", count, endPointer, rows.length, targets, end, place);
-      return new Pvs(wasm, "pvs", wasm.u32(place));
+      const targets = rows.flatMap((row) => [...row]);
+      const of = [whole(targetCount, "targetCount"), wasm.put(Uint32Array, ends), rows.length];
+      return Handle.made(Pvs, wasm, "pvs", "vis_pvs_create", ...of, wasm.put(Uint32Array, targets), end);
     });
   }
 
   createScenePvs(scene, pvs, viewcells, ids, targets) {
     const wasm = this.#wasm;
     return wasm.call(() => {
-      const volumes = wasm.volumes(viewcells);
-      const objects = wasm.put(BigUint64Array, ids);
-      const of = wasm.put(Uint32Array, sameLength(targets, ids.length, "targets"));
-      const place = wasm.borrow(8);
-      const from = [wasm.pointer(scene, "scene"), wasm.pointer(pvs, "pvs")];
-      wasm.check("vis_scene_pvs_create", ...from, ...volumes, objects, of, ids.length, place);
-      return new ScenePvs(wasm, "scene_pvs", wasm.u32(place));
+      const of = [wasm.pointer(scene, "scene"), wasm.pointer(pvs, "pvs"), ...wasm.volumes(viewcells)];
+      of.push(wasm.put(BigUint64Array, ids));
+      of.push(wasm.put(Uint32Array, sameLength(targets, ids.length, "targets")), ids.length);
+      return Handle.made(ScenePvs, wasm, "scene_pvs", "vis_scene_pvs_create", ...of);
     });
   }
 
   readScenePvs(scene, bytes, version) {
     const wasm = this.#wasm;
     return wasm.call(() => {
-      const [pointer, place] = [wasm.put(Uint8Array, bytes), wasm.borrow(8)];
-      const file = [wasm.pointer(scene, "scene"), pointer, bytes.length];
-      if (version === undefined) wasm.check("vis_scene_pvs_read", ...file, place);
-      else wasm.check("vis_scene_pvs_read_version", ...file, BigInt.asUintN(64, version), place);
-      return new ScenePvs(wasm, "scene_pvs", wasm.u32(place));
+      const file = [wasm.pointer(scene, "scene"), wasm.put(Uint8Array, bytes), bytes.length];
+      const [suffix, of] = version === undefined ? ["", []] : ["_version", [BigInt.asUintN(64, version)]];
+      return Handle.made(ScenePvs, wasm, "scene_pvs", `vis_scene_pvs_read${suffix}`, ...file, ...of);
     });
   }
 }
@@ -688,19 +668,15 @@ class Scene extends Handle {
   addMesh({ positions, indices, twoSided = false } = {}) {
     return this.wasm.call((wasm) => {
       const [vertices, triangles] = [elements(positions, 3, "positions"), elements(indices, 3, "indices")];
-      const [points, corners] = [wasm.put(Float32Array, positions), wasm.put(Uint32Array, indices)];
-      const place = wasm.borrow(8);
-      const isTwoSided = bit(twoSided, "twoSided");
-      wasm.check("vis_scene_add_mesh", this.pointer, points, vertices, corners, triangles, isTwoSided, place);
-      return wasm.data().getBigUint64(place, true);
+      const of = [wasm.put(Float32Array, positions), vertices, wasm.put(Uint32Array, indices), triangles];
+      return wasm.id("vis_scene_add_mesh", this.pointer, ...of, bit(twoSided, "twoSided"));
     });
   }
 
   addBoxMesh(box) {
     return this.wasm.call((wasm) => {
-      const [bounds, place] = [wasm.put(Float32Array, inside(corners(box))), wasm.borrow(8)];
-      wasm.check("vis_scene_add_box_mesh", this.pointer, bounds, place);
-      return wasm.data().getBigUint64(place, true);
+      const bounds = wasm.put(Float32Array, inside(corners(box)));
+      return wasm.id("vis_scene_add_box_mesh", this.pointer, bounds);
     });
   }
 

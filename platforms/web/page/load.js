@@ -55,6 +55,15 @@ function complaint(name, buffer) {
   return head.startsWith("{") ? null : `${name} is no glTF model: drop a .glb, or a .gltf with its files`;
 }
 
+/** Returns the name that a part of an address stands for: the part itself, if it is not well encoded. */
+function decoded(part) {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part;
+  }
+}
+
 /** Chooses the model among dropped files. The others are what it refers to. */
 function findModel(files) {
   const byEnding = (ending) => files.find(({ name }) => name.toLowerCase().endsWith(ending));
@@ -101,7 +110,7 @@ export async function loadModel(files, renderer, progress) {
   const missing = [];
   manager.setURLModifier((url) => {
     if (/^(blob|data):/.test(url) || url.startsWith(basis)) return url;
-    const name = decodeURIComponent(url.split("/").pop());
+    const name = decoded(url.split("/").pop());
     if (!urls.has(name)) {
       missing.push(name);
       // A file that was not dropped is not fetched. The address "data:," holds no data, so that its loader

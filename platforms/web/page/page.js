@@ -7,6 +7,7 @@ import { Culling, STAGES } from "./culling.js";
 import { makeModel } from "./items.js";
 import { Judge } from "./judge.js";
 import { ModelError, loadModel } from "./load.js";
+import { Pace } from "./pace.js";
 import { Panel } from "./panel.js";
 import { Picture } from "./picture.js";
 import { saveReport } from "./report.js";
@@ -19,8 +20,6 @@ const KEYS_PER_SECOND = 2;
 const AVERAGED = 30;
 /** Milliseconds between two checks of the picture, at least. */
 const CHECK_MS = 300;
-/** Milliseconds of a frame from which on the picture gets coarser. */
-const SLOW_MS = 45;
 
 const query = new URLSearchParams(location.search);
 const canvas = document.getElementById("canvas");
@@ -54,8 +53,11 @@ window.page = {
 
 const panel = new Panel({ chooseScene, chooseStages, toggle, openFiles, report, turnUpright });
 let visibility, recipes, picture, judge, flyer, culling, walk;
-/** The number of the load that is going on: a later one ends the earlier. */
+/** Resolves once the library and the recipes of scenes are there. */
+let started;
+/** The number of the load that is going on: a later one ends the earlier. Its end is `loaded`. */
 let loads = 0;
+let loaded = null;
 let key = 0;
 /** The camera of the walk; null once a person flies. */
 let still = null;
@@ -66,14 +68,17 @@ let frozen = null;
 /** Near plane distance in metres. */
 let near = 0.1;
 let times = [];
-let intervals = [];
 let quality = 1;
-let last = performance.now();
+const pace = new Pace(performance.now());
 let checked = { signature: "", at: 0, cost: 0, result: null };
 let drawnSignature = "";
 
 /** Shows a model: `make` returns `model`, `culling`, `walk` and `near`, and `facts` if it is one of files. */
-async function show(name, make) {
+function show(name, make) {
+  return (loaded = tryToShow(name, make));
+}
+
+async function tryToShow(name, make) {
   if (state.reporting) {
     panel.sceneIs(state.scene, Boolean(state.facts.files));
     return;
@@ -85,6 +90,7 @@ async function show(name, make) {
   const progress = (text) => isCurrent() && panel.say(text);
   let made;
   try {
+    await started;
     made = await make(progress);
   } catch (error) {
     if (!isCurrent()) return;
@@ -113,6 +119,7 @@ async function show(name, make) {
   // A person who opens a file sees it from outside first.
   goTo(made.facts ? walk.length - AROUND : 0);
   state.loadMs = performance.now() - start;
+  pace.restart(performance.now());
   state.loading = false;
   panel.say("");
   panel.sceneIs(name, Boolean(state.facts.files));
@@ -163,7 +170,7 @@ function cameraOf(camera) {
 
 /** Opens the files of the present model again, with the other axis upwards. */
 function turnUpright() {
-  const { files, zUp } = state.facts;
+  const { files, zUp } = state.facts ?? {};
   if (files) openFiles(files, !zUp);
 }
 
@@ -225,19 +232,16 @@ function resize() {
 
 /** Makes the picture coarser where frames take long, and drops ambient shade in the end. */
 function keepPace(interval) {
-  intervals = [...intervals.slice(-19), interval];
-  if (query.has("full") || intervals.length < 20) return;
-  if (intervals.reduce((sum, time) => sum + time, 0) / intervals.length < SLOW_MS) return;
+  // Loads and reports leave little time to the frames among them.
+  if (query.has("full") || state.loading || state.reporting || !pace.isSlow(interval)) return;
   if (quality > 0.6) quality *= 0.8;
   else picture.shade.isOn = false;
-  intervals = [];
 }
 
 function frame(now) {
   requestAnimationFrame(frame);
-  const seconds = Math.min(0.1, (now - last) / 1000);
-  const interval = now - last;
-  last = now;
+  const interval = pace.begin(now);
+  const seconds = Math.min(0.1, interval / 1000);
   if (!picture?.model) return;
   resize();
   const camera = (state.camera = moved(seconds));
@@ -337,6 +341,7 @@ async function report() {
     });
   } finally {
     state.reporting = false;
+    pace.restart(performance.now());
     chooseStages(state.stages);
     toggle("walk", walked);
     panel.say("");
@@ -355,12 +360,15 @@ canvas.addEventListener("webglcontextlost", () =>
   fail("the graphics card has lost the picture: load the page anew"),
 );
 
+// While the page is not shown, no frames are drawn.
+document.addEventListener("visibilitychange", () => pace.restart(performance.now()));
+
 addEventListener("keydown", ({ code, target, ctrlKey, metaKey, altKey }) => {
   if (ctrlKey || metaKey || altKey || target.closest?.("select, input, dialog")) return;
   const names = { KeyP: "walk", KeyV: "above", KeyX: "ghosts", KeyF: "freeze", KeyM: "measure" };
   if (names[code]) toggle(names[code]);
   if (code === "KeyZ") turnUpright();
-  if (code === "KeyC") {
+  if (code === "KeyC" && culling) {
     // Frustum alone, then with each of the others.
     const sets = ["", ...culling.offered.filter((name) => name !== "frustum")];
     const at = sets.findIndex((name) => state.stages.filter((other) => other !== "frustum").join() === name);
@@ -382,8 +390,11 @@ async function start() {
   flyer = new Flyer(canvas, taken, pickAt);
   panel.offer(Object.entries(BUILT_IN), STAGES);
   const bytes = fetch("scenes.wasm").then((response) => response.arrayBuffer());
-  [visibility, recipes] = await Promise.all([load({ simd128 }), bytes.then(loadRecipes)]);
-  await chooseScene(state.scene in BUILT_IN ? state.scene : "city");
+  started = Promise.all([load({ simd128 }), bytes.then(loadRecipes)]);
+  [visibility, recipes] = await started;
+  // A person may have chosen a model meanwhile.
+  await loaded;
+  if (!culling) await chooseScene(state.scene in BUILT_IN ? state.scene : "city");
 }
 requestAnimationFrame(frame);
 start().catch(fail);

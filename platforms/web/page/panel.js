@@ -99,9 +99,9 @@ export class Panel {
     message.textContent = text;
     message.hidden = !text;
     message.classList.toggle("error", isError);
+    clearTimeout(this.timer);
     if (isError) {
       this.until = performance.now() + 8000;
-      clearTimeout(this.timer);
       this.timer = setTimeout(() => {
         this.until = 0;
         this.say("");

@@ -28,13 +28,11 @@ function level(bounds, box, step, [columns, rows], y, clearance) {
     const [ax, ay, az, bx, by, bz] = bounds.subarray(at, at + 6);
     if (!(ay <= y + clearance && by >= y - clearance)) continue;
     if (bx - ax > SHELL * (x1 - x0) && bz - az > SHELL * (z1 - z0)) continue;
-    const from = [Math.max(0, Math.floor((ax - x0) / step)), Math.max(0, Math.floor((az - z0) / step))];
-    const to = [
-      Math.min(columns - 1, Math.floor((bx - x0) / step)),
-      Math.min(rows - 1, Math.floor((bz - z0) / step)),
-    ];
-    for (let row = from[1]; row <= to[1]; row++)
-      blocked.fill(1, row * columns + from[0], row * columns + Math.max(to[0], from[0] - 1) + 1);
+    // A place on the far side of the model is in the last cells.
+    const cell = (distance, count) => Math.min(count - 1, Math.max(0, Math.floor(distance / step)));
+    const [from, to] = [cell(ax - x0, columns), cell(bx - x0, columns)];
+    for (let row = cell(az - z0, rows); row <= cell(bz - z0, rows); row++)
+      blocked.fill(1, row * columns + from, row * columns + to + 1);
   }
   return blocked;
 }
@@ -158,7 +156,7 @@ function along(places) {
 /** Cameras once around a model, looking at its middle. */
 function around([x0, y0, z0, x1, y1, z1]) {
   const middle = [(x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2];
-  const reach = 0.75 * Math.hypot(x1 - x0, y1 - y0, z1 - z0);
+  const reach = 0.75 * (Math.hypot(x1 - x0, y1 - y0, z1 - z0) || 1);
   return Array.from({ length: AROUND }, (_, key) => {
     const angle = 0.9 + (2 * Math.PI * key) / AROUND;
     const eye = [

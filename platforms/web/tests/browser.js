@@ -43,8 +43,8 @@ const complaints = [];
 const OFFICE = "scene=office&still&full";
 
 /** Opens the page with a query, does `work` with its tab, keeps the complaints of the page, and closes it. */
-async function inTab(query, work, viewport = WIDE) {
-  const tab = await Tab.open(browser, `${server.address}?${query}`, viewport);
+async function inTab(query, work, viewport = WIDE, early = null) {
+  const tab = await Tab.open(browser, `${server.address}?${query}`, viewport, early);
   await work(tab);
   complaints.push(...tab.complaints);
   await tab.page.close();
@@ -313,6 +313,9 @@ async function refusals(tab) {
   const elsewhere = await tab.openFiles(path("elsewhere.gltf"));
   assert.match(elsewhere.message, /scenes\.wasm: drop these/);
   assert.equal(elsewhere.objects, 779, "the former model stays");
+  await writeElsewhere(path("percent.gltf"), "100%.bin");
+  const percent = await tab.openFiles(path("percent.gltf"));
+  assert.match(percent.message, /100%\.bin: drop these/, "a name with a percent sign");
   await writeElsewhere(path("picture.gltf"), null, "https://pictures.example/a.ktx2");
   const { objects, errors } = await tab.openFiles(path("picture.gltf"));
   assert.deepEqual([objects, errors], [1, 0], "a model whose picture is missing");
@@ -320,6 +323,28 @@ async function refusals(tab) {
   tab.complaints = tab.complaints.filter(
     (text) => !/data:,|lacks|away\.bin|Couldn't load texture/.test(text),
   );
+}
+
+/** What a person does before the library is there: keys do no harm, a file is shown in place of the scene. */
+async function early() {
+  const path = (name) => `${pictures}/${name}`;
+  await writeWall(path("wall.glb"));
+  await writeFile(path("empty.glb"), "");
+  for (const [name, scene] of [
+    ["wall.glb", "wall.glb"],
+    ["empty.glb", "office"],
+  ]) {
+    const act = async ({ page }) => {
+      for (const key of ["c", "z", "v", "v", "f", "f"]) await page.keyboard.press(key);
+      await (await page.$("#file")).uploadFile(path(name));
+    };
+    const shown = async (tab) => {
+      await tab.until(`page.state.objects > 0`);
+      const { scene: present, errors, message } = await tab.act();
+      assert.deepEqual([present, errors], [scene, 0], `${name}: ${message}`);
+    };
+    await inTab(OFFICE, shown, WIDE, act);
+  }
 }
 
 /** Keys, mouse and touch. */
@@ -395,6 +420,7 @@ try {
   ];
   const isWanted = ({ name }) => !part || name === part;
   if (isWanted(builtInScenes)) await builtInScenes();
+  if (isWanted(early)) await early();
   for (const [test, query, viewport] of tests) if (isWanted(test)) await inTab(query, test, viewport);
   assert.deepEqual(complaints, [], "the console has no errors");
   console.log(`the page in ${await browser.version()}: as native; pictures in ${pictures}`);

@@ -16,6 +16,13 @@ const ARGUMENTS = [
 /** Milliseconds for what the software renderer of a busy machine takes. */
 const PATIENCE = 120000;
 
+/** Script that lets a page wait for what it fetches, until it calls `letGo()`. */
+const HOLD = `{
+  const held = new Promise((resolve) => (window.letGo = resolve));
+  const { fetch } = window;
+  window.fetch = (...parameters) => held.then(() => fetch(...parameters));
+}`;
+
 async function executable() {
   if (process.env.CHROMIUM) return process.env.CHROMIUM;
   for (const folder of (process.env.PATH ?? "").split(delimiter)) {
@@ -53,7 +60,8 @@ export async function launch() {
 export class Tab {
   complaints = [];
 
-  static async open(browser, address, viewport) {
+  /** Opens the page. `early` is called with the tab before the page has its library. */
+  static async open(browser, address, viewport, early = null) {
     const tab = new Tab();
     const page = (tab.page = await browser.newPage());
     await page.setViewport(viewport);
@@ -67,7 +75,12 @@ export class Tab {
       if (/^http/.test(protocol) && host !== new URL(address).host)
         tab.complaints.push(`another host: ${host}`);
     });
+    if (early) await page.evaluateOnNewDocument(HOLD);
     await page.goto(address);
+    if (early) {
+      await early(tab);
+      await page.evaluate("letGo()");
+    }
     await tab.until("window.page?.state.errors > 0 || (page.state.frames > 2 && !page.state.loading)");
     return tab;
   }

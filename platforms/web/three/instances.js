@@ -72,22 +72,24 @@ export class InstanceOrder {
   }
 
   /** Takes over the content of the mesh's attributes, where it has changed. */
-  update(mesh) {
-    this.matrices = this.#copy(this.matrices, mesh.instanceMatrix);
-    this.colors = mesh.instanceColor && this.#copy(this.colors, mesh.instanceColor);
+  update({ instanceMatrix, instanceColor }) {
+    if (this.matrices?.from !== instanceMatrix || this.colors?.from !== (instanceColor ?? undefined)) {
+      // Frees the buffers of both attributes on the graphics card. The renderer binds buffers anew only where an
+      // attribute that the shader reads is another, and a shader may read no colours: both become others.
+      this.carrier.dispose();
+      this.matrices = this.colors = null;
+    }
+    this.matrices = this.#copy(this.matrices, instanceMatrix);
+    this.colors = instanceColor && this.#copy(this.colors, instanceColor);
     this.carrier.instanceMatrix = this.matrices;
     this.carrier.instanceColor = this.colors;
   }
 
   #copy(copy, from) {
     const { itemSize, normalized, version } = from;
-    if (copy?.from === from && copy.fromVersion === version) return copy;
+    if (copy?.fromVersion === version) return copy;
     const length = this.count * itemSize;
-    if (copy?.from !== from) {
-      // Frees the former buffers on the graphics card.
-      this.carrier.dispose();
-      copy = new InstancedBufferAttribute(from.array.slice(0, length), itemSize, normalized);
-    }
+    copy ??= new InstancedBufferAttribute(from.array.slice(0, length), itemSize, normalized);
     Object.assign(copy, { from, fromVersion: version, usage: from.usage });
     this.instances.forEach((instance, place) => {
       const at = instance * itemSize;

@@ -1,6 +1,16 @@
 // What materials and geometries allow: which meshes may be hidden, which hide others, and by which triangles.
 
-import { BackSide, DoubleSide, LessDepth, LessEqualDepth, Material, NoBlending, NormalBlending } from "three";
+import {
+  BackSide,
+  DoubleSide,
+  LessDepth,
+  LessEqualDepth,
+  Material,
+  NoBlending,
+  NormalBlending,
+  Sphere,
+  Vector3,
+} from "three";
 import { emptyBox } from "./boxes.js";
 
 /** What a mesh is to the culler. From `Front` on it hides others, from the sides that are named. */
@@ -139,6 +149,8 @@ export class Shape {
     this.reach = [0, 1, 2].map((k) =>
       this.box ? Math.max(Math.abs(this.box[k]), Math.abs(this.box[3 + k])) : 0,
     );
+    /** A sphere around the vertices of the occluder meshes. Null if there are none. */
+    this.sphere = null;
     /** For skinned meshes: boxes of what each bone moves, made when first needed. */
     this.bones = undefined;
   }
@@ -194,6 +206,7 @@ export class Shape {
       indices[i] = vertex;
     }
     if (!positions.every(Number.isFinite)) return null;
+    this.sphere ??= sphereOfPoints(positions, this.box);
     if (surface === Surface.Back) {
       for (let i = 0; i < indices.length; i += 3) [indices[i], indices[i + 1]] = [indices[i + 1], indices[i]];
     }
@@ -222,6 +235,16 @@ function boxOfPoints(position, { vertexStart = 0, vertexCount = position.count }
   for (let i = vertexStart; i < vertexStart + vertexCount; i++)
     addPoint(box, position.getX(i), position.getY(i), position.getZ(i));
   return box;
+}
+
+/** Returns the least sphere that holds points, of those around the centre of their box. */
+function sphereOfPoints(positions, box) {
+  const center = new Vector3().fromArray(box).lerp(new Vector3().fromArray(box, 3), 0.5);
+  const point = new Vector3();
+  let radius = 0;
+  for (let i = 0; i < positions.length; i += 3)
+    radius = Math.max(radius, center.distanceTo(point.fromArray(positions, i)));
+  return new Sphere(center, radius);
 }
 
 /**

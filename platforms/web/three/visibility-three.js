@@ -11,7 +11,7 @@
 //   4. shadows are drawn, of all casters; then mirrors and the like, of all objects; then what was collected
 //   5. `scene.onAfterRender`
 
-import { BatchedMesh, LOD, Matrix4, Object3D } from "three";
+import { BatchedMesh, LOD, Matrix4, Mesh, Object3D } from "three";
 import { Flag, indexOf, load } from "visibility-web";
 import { EMPTY, isPlacedWell, moveBox, place, skinnedBox } from "./boxes.js";
 import {
@@ -30,6 +30,7 @@ import {
   shapesOf,
 } from "./entries.js";
 import { canLeaveOut, countOf, leaveOutInstances, leaveOutOfBatch } from "./instances.js";
+import { frustumOf, isLeftOut } from "./spheres.js";
 import { Shape, Surface, Surfaces, bonesOf, sideOf } from "./surfaces.js";
 import { setView } from "./view.js";
 
@@ -159,9 +160,9 @@ export class VisibilityCulling {
     if (!setView(tools.view, eye, this.#origin, planes)) return;
     this.#follow(camera);
     const followed = performance.now();
-    const { occluders, visible } = tools.pipeline.cull(this.#followed, tools.view, tools.visible);
+    const { occluders, visible, isVisible } = this.#cull(tools);
     const culled = performance.now();
-    this.#hide(renderer, camera, tools.visible.bits);
+    this.#hide(renderer, camera, isVisible);
     Object.assign(this.stats, {
       objects: this.#followed.count,
       visible,
@@ -182,6 +183,38 @@ export class VisibilityCulling {
       tools.pipeline = this.#visibility.createPipeline().addFrustum().addZBuffer(width, height);
     }
     return tools;
+  }
+
+  /** Culls for a camera. Returns counts, and whether the object of an index is visible. */
+  #cull({ eye, view, pipeline, visible }) {
+    const cull = () => {
+      const stats = pipeline.cull(this.#followed, view, visible);
+      const { bits } = visible;
+      return { ...stats, isVisible: (index) => (bits[index >>> 5] >>> (index & 31)) & 1 };
+    };
+    const culled = cull();
+    // What three.js does not draw hides nothing. It is looked for among what is visible: all else is behind
+    // that, or beside the view, and hides nothing more. For the second culling that may be other objects.
+    if (!this.#excludeUndrawn(eye, culled.isVisible)) return culled;
+    this.#excludeUndrawn(eye, () => true);
+    return cull();
+  }
+
+  /**
+   * Lets entries that three.js leaves out hide nothing in this frame. Looks at those for whose indices
+   * `isVisible` is true. Returns whether there were any.
+   */
+  #excludeUndrawn(eye, isVisible) {
+    const frustum = frustumOf(eye);
+    const mask = eye.layers.mask >>> 0;
+    let isAny = false;
+    for (const entry of this.#order) {
+      const hides = entry.surface > Surface.Hideable && entry.count > 0 && !entry.waits;
+      if (!hides || (entry.layers & mask) === 0 || !isLeftOut(entry, eye, frustum, isVisible)) continue;
+      this.#stopHiding(entry);
+      isAny = true;
+    }
+    return isAny;
   }
 
   // Following the scene.
@@ -299,6 +332,7 @@ export class VisibilityCulling {
       !material ||
       object.onBeforeRender !== usual.onBeforeRender ||
       object.onAfterRender !== usual.onAfterRender ||
+      object.intersectsFrustum !== Mesh.prototype.intersectsFrustum ||
       object.renderOrder !== 0 ||
       geometry.morphAttributes.position !== undefined ||
       object.morphTexture ||
@@ -467,12 +501,16 @@ export class VisibilityCulling {
     this.#followed.setAllBounds(ids, boxes);
     for (const entry of this.#moved) {
       this.#keep(entry);
-      if (entry.surface <= Surface.Hideable || entry.waits) continue;
-      entry.waits = true;
       // The entry's occluder meshes are at its former place, also if it has turned within the same box.
-      for (const id of entry.ids) this.#followed.setFlags(id, 0);
+      if (entry.surface > Surface.Hideable && !entry.waits) this.#stopHiding(entry);
     }
     this.#moved.length = 0;
+  }
+
+  /** Lets an entry hide nothing in this frame. */
+  #stopHiding(entry) {
+    entry.waits = true;
+    for (const id of entry.ids) this.#followed.setFlags(id, 0);
   }
 
   /** Writes the boxes of an entry. */
@@ -515,10 +553,9 @@ export class VisibilityCulling {
 
   // Hiding of meshes and instances, and their return.
 
-  #hide(renderer, camera, bits) {
+  #hide(renderer, camera, isVisible) {
     const active = { camera, masked: [], undo: [], hiddenCount: 0, isCollected: false };
     this.#active = active;
-    const isVisible = (index) => (bits[index >>> 5] >>> (index & 31)) & 1;
     const mask = camera.layers.mask >>> 0;
     for (const entry of this.#order) {
       if (entry.count === 0 || (entry.layers & mask) === 0) continue;

@@ -38,6 +38,11 @@ function frustumOf(camera) {
   return new Frustum().setFromProjectionMatrix(matrix, coordinateSystem, reversedDepth);
 }
 
+/** What three.js asks: r187 the object, r180 the frustum. */
+function intersects(object, frustum) {
+  return object.intersectsFrustum?.(frustum) ?? frustum.intersectsObject(object);
+}
+
 /** `projectObject` of three.js. */
 function collect(object, camera, frustum, list, uploaded, renderer) {
   if (object.visible === false) return;
@@ -45,7 +50,7 @@ function collect(object, camera, frustum, list, uploaded, renderer) {
     if (object.isLOD) {
       if (object.autoUpdate) object.update(camera);
     } else if (object.isMesh || object.isLine || object.isPoints || object.isSprite) {
-      if (!object.frustumCulled || object.isSprite || frustum.intersectsObject(object)) {
+      if (!object.frustumCulled || object.isSprite || intersects(object, frustum)) {
         upload(object, uploaded, renderer);
         if (object.material.visible !== false) list.push(object);
       }
@@ -72,6 +77,33 @@ function castShadows(object, camera, shadowCamera, casters, uploaded, renderer) 
 /** Buffers of a graphics card: by attribute, its content when it was sent; and the meshes that have any. */
 class Buffers extends Map {
   meshes = new Set();
+  #bound = new Map();
+
+  /**
+   * `WebGLBindingStates` for instances: returns the content of matrices and colours. A mesh keeps the buffers
+   * that it was drawn with, also those that have been freed since, until an attribute that its shader reads is
+   * another.
+   */
+  bind({ id, instanceMatrix, instanceColor, material }) {
+    const readsColor = instanceColor && !material.isMeshNormalMaterial;
+    const attributes = readsColor ? [instanceMatrix, instanceColor] : [instanceMatrix];
+    let bound = this.#bound.get(id);
+    if (
+      attributes.length !== bound?.attributes.length ||
+      attributes.some((a, i) => a !== bound.attributes[i])
+    ) {
+      bound = { attributes, buffers: attributes.map((attribute) => this.get(attribute)) };
+      this.#bound.set(id, bound);
+    }
+    const [matrices, colors = this.get(instanceColor)] = bound.buffers;
+    return [matrices?.content, colors?.content];
+  }
+
+  free({ id, instanceMatrix, instanceColor }) {
+    this.#bound.delete(id);
+    this.delete(instanceMatrix);
+    this.delete(instanceColor);
+  }
 }
 
 const cards = new WeakMap();
@@ -92,8 +124,7 @@ function upload(object, uploaded, renderer) {
     object.addEventListener("dispose", function free() {
       object.removeEventListener("dispose", free);
       buffers.meshes.delete(object);
-      buffers.delete(object.instanceMatrix);
-      buffers.delete(object.instanceColor);
+      buffers.free(object);
     });
   }
   for (const attribute of [object.instanceMatrix, object.instanceColor]) {
@@ -123,13 +154,12 @@ export class Drawn {
 
   add(object) {
     if (object.isInstancedMesh) {
-      const { content } = this.#buffers.get(object.instanceMatrix) ?? { content: [] };
+      const [content = [], colors] = this.#buffers.bind(object);
       const keys = new Set();
       // WebGL takes the whole part of a number, and draws nothing of one below 0.
       const count = Math.trunc(object.count);
       for (let i = 0; i < count; i++) keys.add(keyOf(content, i));
       this.#instances.set(object, keys);
-      const colors = object.instanceColor && this.#buffers.get(object.instanceColor)?.content;
       if (colors)
         for (let i = 0; i < count; i++)
           keys.add(`${keyOf(content, i)}:${[...colors.slice(3 * i, 3 * i + 3)]}`);

@@ -464,6 +464,28 @@ test("buffers of instances are freed with their mesh, their number and the culli
   assert.equal(added(), 3, "disposed of");
 });
 
+test("colours that are replaced and not shown leave the matrices where they are drawn from", async () => {
+  for (const change of [
+    (boxes) => {
+      const others = boxes.instanceColor.array.map((part) => 1 - part);
+      boxes.instanceColor = new THREE.InstancedBufferAttribute(others, 3);
+    },
+    (boxes) => (boxes.instanceColor = null),
+  ]) {
+    const { scene, wall, boxes, put, camera } = fourBoxes(new THREE.MeshNormalMaterial());
+    put(0, 300, -8);
+    put(3, 6, -20);
+    for (let i = 0; i < 4; i++) boxes.setColorAt(i, new THREE.Color(i, 0, 0));
+    const culling = await culled(scene, camera);
+    const drawn = () => [0, 1, 2, 3].map((i) => render(scene, camera).drawn.has(boxes, i));
+    assert.deepEqual(drawn(), [false, true, true, false], "one beside the view, one behind the wall");
+    change(boxes);
+    wall.visible = false;
+    assert.deepEqual(drawn(), [false, true, true, true], "the one behind the wall has come into view");
+    culling.dispose();
+  }
+});
+
 test("a renderer that is not used any more is collected", async () => {
   setFlagsFromString("--expose-gc");
   const collectGarbage = runInNewContext("gc");
