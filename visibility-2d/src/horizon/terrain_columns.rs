@@ -77,7 +77,7 @@ impl Drawn<'_> {
 /// Returns whether a box is surely outside of a view.
 fn is_outside(planes: &[ViewPlane], bounds: &Aabb) -> bool {
     let (center, half) = (bounds.center().as_dvec3(), bounds.half_extent().as_dvec3());
-    planes.iter().any(|ViewPlane { plane, error }| {
+    planes.iter().any(|&ViewPlane { plane, error }| {
         // The factors 1.001 and 1e-6 cover the rounding of centre and half extent to `f32`, `2^-23` of both, and
         // a thousand times over what `f64` rounds: `16u` in the normal, and `4u` of the terms of the distance.
         // The plane's offset is one of these terms; where the sum is near zero, it is as large as the others.

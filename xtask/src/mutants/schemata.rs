@@ -19,6 +19,8 @@ pub(crate) struct Mutant {
     pub(crate) line: usize,
     /// Bytes of the expression in the text of the file.
     range: Range<usize>,
+    /// Text before the expression, see [`Site::prefix`].
+    prefix: String,
     pub(crate) old: String,
     pub(crate) new: String,
 }
@@ -34,6 +36,7 @@ pub(crate) fn mutants(file: &str, text: &str, sites: &[Site]) -> Vec<Mutant> {
             function: function.clone(),
             line,
             range: range.clone(),
+            prefix: site.prefix.clone(),
             old: old.clone(),
             new: new.clone(),
         };
@@ -108,12 +111,16 @@ fn mutated(text: &str, mutants: &[Mutant], batch: &[usize]) -> Mutated {
         let Range { start, end } = mutants[list[0]].range.clone();
         result.text += &text[done..start];
         let begin = result.text.len();
+        result.text += &mutants[list[0]].prefix;
         result.text.push('(');
         for &index in &list {
             result.text +=
                 &format!("if crate::mutant_switch::on({index}) {{ {} }} else ", mutants[index].new);
         }
-        result.text += &format!("{{ {} }})", &text[start..end]);
+        // A margin may be a reference, which the factor makes a value in this branch as in the others.
+        let factor =
+            if list.iter().any(|&index| mutants[index].new.starts_with("0.")) { "1.0 * " } else { "" };
+        result.text += &format!("{{ {factor}{} }})", &text[start..end]);
         result.expressions.push((begin..result.text.len(), list));
         done = end;
     }
@@ -252,7 +259,7 @@ mod tests {
             format!("fn f(a: f32, slack: f32) -> bool {{ ({on}(0) {{ a <= slack }} else {{ a < slack }}) }}"),
             format!(
                 "fn f(a: f32, slack: f32) -> bool {{ a < \
-                 ({on}(1) {{ 0.0 * slack }} else {on}(2) {{ 0.5 * slack }} else {{ slack }}) }}"
+                 ({on}(1) {{ 0.0 * slack }} else {on}(2) {{ 0.5 * slack }} else {{ 1.0 * slack }}) }}"
             ),
         ];
         assert_eq!(texts.collect::<Vec<_>>(), expected, "texts with switches");
