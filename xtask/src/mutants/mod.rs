@@ -3,7 +3,7 @@
 //!
 //! `cargo-mutants` replaces functions and operators, and compiles the crate for each mutant. What it lacks is
 //! here: margins become nothing or half of themselves, `<` becomes `<=`, rounding up becomes rounding down;
-//! and some hundred mutants are compiled at once.
+//! and hundreds of mutants are compiled at once.
 
 mod run;
 mod schemata;
@@ -28,7 +28,7 @@ struct Options {
     /// Number of mutants to draw. All, if that is more.
     sample: usize,
     seed: u64,
-    /// Time after which no more batches are begun.
+    /// Time after which no more mutants are tested.
     limit: Duration,
 }
 
@@ -68,7 +68,7 @@ fn options(arguments: &[String]) -> Result<Options, String> {
 /// Returns a wrong argument, a file that cannot be read or written, and a crate that does not compile.
 pub(crate) fn check(root: &Path, arguments: &[String]) -> Result<usize, String> {
     let options = options(arguments)?;
-    let begun = Instant::now();
+    let end = Instant::now() + options.limit;
     let mut mutants = Vec::new();
     for file in sites::source_files(root, &options.package)? {
         if options.files.is_empty() || options.files.contains(&file) {
@@ -86,17 +86,21 @@ pub(crate) fn check(root: &Path, arguments: &[String]) -> Result<usize, String> 
     let tree = Tree::new(root, folder.join("tree"), &options.package)?;
     let tests_folder = folder.join("tree").join(&options.package);
     let (mut counts, mut left_out, mut found) = ([0; 4], 0, stale.len());
-    for mut batch in batches(&mutants, &chosen) {
+    for mut batch in batches(&chosen) {
         let all = batch.len();
-        if begun.elapsed() > options.limit {
+        if Instant::now() >= end {
             left_out += all;
             continue;
         }
         let programs = tree.build(&mutants, &mut batch)?;
         let tests = run::tests(&programs, &tests_folder)?;
-        let fates = run::fates(&batch, &tests, &tests_folder);
+        let fates = run::fates(&batch, &tests, &tests_folder, end);
         counts[3] += all - batch.len();
         for (&index, fate) in batch.iter().zip(fates) {
+            let Some(fate) = fate else {
+                left_out += 1;
+                continue;
+            };
             counts[fate as usize] += 1;
             let mutant = &mutants[index];
             if fate != Fate::Killed && !has_reason(&reasons, mutant) {
