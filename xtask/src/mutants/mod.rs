@@ -28,7 +28,7 @@ struct Options {
     /// Number of mutants to draw. All, if that is more.
     sample: usize,
     seed: u64,
-    /// Time after which no more mutants are tested.
+    /// Time for tests of mutants, beside what compiling takes. No mutant's tests are begun after it.
     limit: Duration,
 }
 
@@ -68,7 +68,6 @@ fn options(arguments: &[String]) -> Result<Options, String> {
 /// Returns a wrong argument, a file that cannot be read or written, and a crate that does not compile.
 pub(crate) fn check(root: &Path, arguments: &[String]) -> Result<usize, String> {
     let options = options(arguments)?;
-    let end = Instant::now() + options.limit;
     let mut mutants = Vec::new();
     for file in sites::source_files(root, &options.package)? {
         if options.files.is_empty() || options.files.contains(&file) {
@@ -86,15 +85,18 @@ pub(crate) fn check(root: &Path, arguments: &[String]) -> Result<usize, String> 
     let tree = Tree::new(root, folder.join("tree"), &options.package)?;
     let tests_folder = folder.join("tree").join(&options.package);
     let (mut counts, mut left_out, mut found) = ([0; 4], 0, stale.len());
+    let mut left = options.limit;
     for mut batch in batches(&chosen) {
         let all = batch.len();
-        if Instant::now() >= end {
+        if left.is_zero() {
             left_out += all;
             continue;
         }
         let programs = tree.build(&mutants, &mut batch)?;
         let tests = run::tests(&programs, &tests_folder)?;
-        let fates = run::fates(&batch, &tests, &tests_folder, end);
+        let begun = Instant::now();
+        let fates = run::fates(&batch, &tests, &tests_folder, begun + left);
+        left = left.saturating_sub(begun.elapsed());
         counts[3] += all - batch.len();
         for (&index, fate) in batch.iter().zip(fates) {
             let Some(fate) = fate else {
