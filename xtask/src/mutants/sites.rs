@@ -158,7 +158,8 @@ impl<'ast> Visit<'ast> for Finder<'_> {
         }
         let is_assignment = binary.op.span().byte_range().len() > 1
             && self.text[binary.op.span().byte_range()].ends_with('=')
-            && other.is_none();
+            && other.is_none()
+            && !matches!(binary.op, BinOp::Eq(_) | BinOp::Ne(_));
         if is_assignment {
             self.visit_expr(&binary.right);
         } else {
@@ -246,6 +247,10 @@ mod tests {
             ("slack", "0.5 * slack"),
         ];
         assert_eq!(found, expected.map(|(a, b)| (a.to_owned(), b.to_owned())), "sites of one function");
+        for (text, count) in [("slack == a", 1), ("slack != a", 1), ("slack += a", 0), ("a += slack", 1)] {
+            let found = sites(&format!("fn f() {{ {text}; }}")).map(|found| found.len());
+            assert_eq!(found, Ok(count), "sites of {text}");
+        }
         let text = "fn f(slack: f32) -> S { S { a: slack, slack } }";
         let prefixes = sites(text).unwrap_or_default().into_iter().map(|site| site.prefix);
         assert_eq!(prefixes.collect::<Vec<_>>(), ["", "slack: "], "a field and one written as its name");
