@@ -258,7 +258,7 @@ mod tests {
         assert!(!around(1.0), "a cell that is clear of the wall");
         // A cap before the cell by less than the slack.
         let cap = |x: f64| [DVec3::new(x, -9.0, -9.0), DVec3::new(x, 0.0, 9.0), DVec3::new(x, 9.0, -9.0)];
-        for (x, is_closed) in [(0.505, false), (-0.505, false), (9.0, true), (-9.0, false)] {
+        for (x, is_closed) in [(0.505, false), (-0.505, false), (-9.0, true), (9.0, false)] {
             let capped = Blocker { caps: alloc::vec![cap(x)], ..wall.clone() };
             assert_eq!(is_closed_from(&capped, from, to), is_closed, "a cap at {x}");
         }
