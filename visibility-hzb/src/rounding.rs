@@ -74,7 +74,8 @@ mod tests {
         let huge = f64::from(f32::MAX) * 2.0;
         assert_eq!(
             [down(huge), up(huge), down(-huge), up(-huge)].map(|x| x.is_finite()),
-            [true, false, false, true]
+            [true, false, false, true],
+            "numbers beyond f32 become the greatest number or infinity"
         );
     }
 

@@ -41,14 +41,14 @@ impl Side {
     /// Let e be the unit round-off of `f64`, and U, V and W the greatest magnitudes of the coordinates of
     /// `u`, `v` and `x - anchor`, for all corners `x` of the box. The determinant is computed as in
     /// `sampling/ray.rs`, with an error below 44 e U V W: there, `d` with `|d| <= 1` takes the place of `x -
-    /// anchor`. The corner is chosen by the signs of a normal that errs by 8.3 e U V on each axis, so another
-    /// corner is lower by less than 25 e U V W. The margin is 128 e U V W. Vertices with an error of `slack`
-    /// change each of `u`, `v` and `x - anchor` by 2 slack on an axis, and the determinant by 12 slack (V W +
-    /// U W + U V), to first order. The margin has 16 instead of 12, which also holds what is of higher order:
-    /// if slack is a quarter of U, V or W or more, 16 slack (V W + U W + U V) is at least 4 U V W, the greatest
-    /// determinant of such vectors, and nothing is certain; if it is less, terms of higher order are below
-    /// slack (4 U W + 5 U V), and those of first order below slack (8 V W + 8 U W + 4 U V), since a determinant
-    /// with an axis of u, v or w in one row is at most 4 times the product of the greatest magnitudes.
+    /// anchor`. The corner is chosen by the signs of a normal that errs by 8.3 e U V on each axis, so
+    /// another corner is lower by less than 25 e U V W. The margin is 128 e U V W. Vertices with an error of
+    /// `slack` change each of `u`, `v` and `x - anchor` by 2 slack on an axis, and the determinant by 12
+    /// slack (V W + U W + U V), to first order. The margin has 16 instead of 12, which also holds what is of
+    /// higher order: if slack is a quarter of U, V or W or more, 16 slack (V W + U W + U V) is at least 4 U
+    /// V W, the greatest determinant of such vectors, and nothing is certain; if it is less, terms of higher
+    /// order are below slack (4 U W + 5 U V), and those of first order below slack (8 V W + 8 U W + 4 U V),
+    /// since a determinant is at most 4 times the product of the greatest magnitudes of its rows.
     fn classify(&self, min: DVec3, max: DVec3, slack: f64) -> Containment {
         let [u, v] = self.sizes;
         let (min, max) = (min - self.anchor, max - self.anchor);
@@ -248,8 +248,8 @@ mod tests {
             |half: f64| umbra.classify_box(DVec3::new(6.0, -half, -half), DVec3::new(6.5, half, half));
         assert_eq!(boxed(half + 1e-9), Containment::Crossing, "a box that the smaller wall leaves visible");
         assert_eq!(boxed(1.0), Containment::Inside, "a box behind the middle of the wall");
-        // The cell is before the wall's front by less than the slack, and passes the wall on both sides: all of
-        // its corners are clear of the wall, which may still reach into it.
+        // The cell is before the wall's front by less than the slack, and passes the wall on both sides: all
+        // of its corners are clear of the wall, which may still reach into it.
         let around = |x: f64| {
             let (from, to) = (DVec3::new(0.0, -3.0, -3.0), DVec3::new(x, 3.0, 3.0));
             Umbra::new(&wall, from, to).is_none()

@@ -40,12 +40,12 @@ const SQUARES: [usize; 2] = [1 << 10, 1 << 22];
 const LEVELS: usize = 8;
 
 /// Greatest distance on the plan, as a fraction of a square's side, at which a triangle still counts as
-/// meeting the square. The errors of a sheet's positions, which [`Sheet::new`] checks, may take a hundredth of
-/// it, and those of the points whose squares are looked up nine tenths.
+/// meeting the square. The errors of a sheet's positions, which [`Sheet::new`] checks, may take a hundredth
+/// of it, and those of the points whose squares are looked up nine tenths.
 pub(crate) const PAD: f64 = 1e-4;
 
-/// Greatest side of a square in metres, except that it may be up to twice this. Depths of steps are below 2^36
-/// sides, so that their inverses are normal numbers of `f32`.
+/// Greatest side of a square in metres, except that it may be up to twice this. Depths of steps are below
+/// 2^36 sides, so that their inverses are normal numbers of `f32`.
 const MAX_SIDE: f64 = 1e26;
 
 /// Square of the plan: one square of the finest level, or several joined.

@@ -10,9 +10,9 @@
 //! With `u = 2^-53`. Depths and sides of a wedge are numbers as computed, for the exact eye.
 //!
 //! - *Positions.* Coordinates of a wedge's points are off by the eye's error and `16u` of their magnitude.
-//!   [`Wedge::new`] refuses an eye for which this is more than 0.9 [`PAD`] of a square. The heights of a square
-//!   hold up to one [`PAD`] beyond it, of which the sheet's own errors take a hundredth, so squares are looked
-//!   up without a margin.
+//!   [`Wedge::new`] refuses an eye for which this is more than 0.9 [`PAD`] of a square. The heights of a
+//!   square hold up to one [`PAD`] beyond it, of which the sheet's own errors take a hundredth, so squares
+//!   are looked up without a margin.
 //! - *Heights* above the eye are off by the eye's error, which is taken from the lower and added to the upper
 //!   bound. The two sums and the quotient by a depth round by `3u` of their results; where a sum cancels most
 //!   of its terms, these are as small as the eye's error, of which a thousandth is added.
@@ -78,9 +78,10 @@ impl Drawn<'_> {
 fn is_outside(planes: &[ViewPlane], bounds: &Aabb) -> bool {
     let (center, half) = (bounds.center().as_dvec3(), bounds.half_extent().as_dvec3());
     planes.iter().any(|&ViewPlane { plane, error }| {
-        // The factors 1.001 and 1e-6 cover the rounding of centre and half extent to `f32`, `2^-23` of both, and
-        // a thousand times over what `f64` rounds: `16u` in the normal, and `4u` of the terms of the distance.
-        // The plane's offset is one of these terms; where the sum is near zero, it is as large as the others.
+        // The factors 1.001 and 1e-6 cover the rounding of centre and half extent to `f32`, `2^-23` of both,
+        // and a thousand times over what `f64` rounds: `16u` in the normal, and `4u` of the terms of the
+        // distance. The plane's offset is one of these terms; where the sum is near zero, it is as large as
+        // the others.
         let reach = plane.normal.abs().dot(half * 1.001 + center.abs() * 1e-6);
         plane.signed_distance(center) + reach < -error
     })
@@ -363,8 +364,8 @@ mod tests {
     }
 
     impl Ridge {
-        /// Makes a ridge of any sheet and the least and the greatest height of each square, from the first one on. `None`
-        /// stands for a broken square. The eye is at the height `eye`. `corner` is in sides.
+        /// Makes a ridge of any sheet and the least and the greatest height of each square, from the first
+        /// one on. `None` stands for a broken square. The eye is at the height `eye`. `corner` is in sides.
         fn new(
             mut sheet: Sheet,
             face: usize,
@@ -404,8 +405,8 @@ mod tests {
     }
 
     /// Returns whether a line of sight of the given slope meets ground from above at an inverse depth of `w`
-    /// or more. The ground is straight between `nodes`, which are `side` apart, and has a gap where `gaps` says
-    /// so. Exact, for an eye that is `[forth, up]` off the frame's.
+    /// or more. The ground is straight between `nodes`, which are `side` apart, and has a gap where `gaps`
+    /// says so. Exact, for an eye that is `[forth, up]` off the frame's.
     fn is_met(slope: f64, w: f64, ridge: &Ridge, ground: (&[f64], &[bool]), [forth, up]: [f64; 2]) -> bool {
         let (nodes, gaps) = ground;
         let (side, eye) = (ridge.side, ridge.frame.eye[2]);
@@ -438,9 +439,9 @@ mod tests {
         false
     }
 
-    /// Random ridges at all scales and far from the origin. Lines of sight next to both ends of each step, from
-    /// eyes that are off by the whole error, meet the ground where the step says. Half of the eyes are next to
-    /// the height of the ground, where errors are largest beside heights.
+    /// Random ridges at all scales and far from the origin. Lines of sight next to both ends of each step,
+    /// from eyes that are off by the whole error, meet the ground where the step says. Half of the eyes are
+    /// next to the height of the ground, where errors are largest beside heights.
     #[test]
     fn steps_hold_for_each_eye_within_the_error() {
         let mut random = Random(1);
@@ -551,8 +552,8 @@ mod tests {
         }
     }
 
-    /// Of rings that are equally high in the picture, the nearest gives the step; a ring that is as high as the
-    /// lowest before gives none, and leaves later ones theirs.
+    /// Of rings that are equally high in the picture, the nearest gives the step; a ring that is as high as
+    /// the lowest before gives none, and leaves later ones theirs.
     #[test]
     fn equal_heights_do_not_move_a_crest() {
         let steps = level(core::array::from_fn(|i| if i < 3 { -1.0 } else { 0.0 }), 0.0).steps();

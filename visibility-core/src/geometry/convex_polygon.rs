@@ -290,8 +290,8 @@ mod tests {
         assert_eq!(out.vertices().len(), 3, "the corner of a square: {out:?}");
     }
 
-    /// Polygons that deviate from a flat, convex one of an extent of 1 m by the tolerance, and by a tenth less
-    /// and more.
+    /// Polygons that deviate from a flat, convex one of an extent of 1 m by the tolerance, and by a tenth
+    /// less and more.
     #[test]
     fn polygons_are_flat_and_convex_up_to_the_tolerance() {
         let limit = ConvexPolygon::TOLERANCE;
