@@ -4,13 +4,9 @@
 use crate::common::{faces, is_blocked};
 use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
 use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
-use visibility_core::occlusion::Occlusion;
 use visibility_core::scene::Triangle;
-use visibility_core::{
-    Aabb, Culler, Object, ObjectId, OccluderMesh, OcclusionMap, Pose, Scene, View, VisibleSet,
-};
+use visibility_core::{Aabb, Culler, Object, ObjectId, OccluderMesh, Pose, Scene, View, VisibleSet};
 use visibility_testing::Random;
-use visibility_testing::cameras::power_of_two;
 
 /// Side of a quadrilateral of the ground, in metres.
 const STEP: f32 = 2.0;
@@ -363,66 +359,4 @@ fn what_the_ground_hides_no_ray_reaches_long() {
         let [hidden, rays] = run(10_000, seed);
         println!("seed {seed}: {hidden} boxes hidden, {rays} rays");
     }
-}
-
-/// A plain at height 0 before a slope, at all scales and away from the origin, seen from heights down to a
-/// millionth of a square. Searches for depths at which boxes below the plain begin to be hidden, where the
-/// walk's rings end. Boxes there that rise above the plain, by however little, are visible.
-#[test]
-fn boxes_that_rise_from_a_plain_are_visible_where_boxes_below_begin_to_be_hidden() {
-    let mut random = Random(8);
-    let mut found = 0;
-    for round in 0..60 {
-        let unit = power_of_two(random.between(-60, 60)) as f32;
-        let far = [0.0, 1e3, 5e5][random.below(3)];
-        let offset = random.vector(far).as_vec3().round() * Vec3::new(1.0, 1.0, 0.0);
-        let slope = |x: f32, _: f32| (x - 80.0).max(0.0);
-        let plain: Vec<Triangle> =
-            ground(0..48, 12, slope).iter().map(|t| t.map(|p| (p + offset) * unit)).collect();
-        let mut scene = Scene::new();
-        insert(&mut scene, &plain, true, Affine3A::IDENTITY);
-        let height = power_of_two(-random.between(0, 22)) * random.fine_range(1.0, 2.0);
-        let at = DVec3::new(random.fine_range(2.0, 20.0), random.fine_range(-2.0, 2.0), height);
-        let scale = f64::from(unit);
-        let eye = (at + offset.as_dvec3()) * scale;
-        let pose = Pose::look_at(eye, eye + DVec3::X * scale, DVec3::Z);
-        let view = View::perspective(pose, 1.0, 1.5, 1e-3 * scale, f64::INFINITY).unwrap();
-        let mut culler = HorizonCuller::new(HorizonOccluders::new(&scene, UpAxis::Z).into());
-        culler = culler.with_columns([64, 360][random.below(2)]);
-        culler.cull(&scene, &view, &mut VisibleSet::new());
-        // Ground hides only what is above the line of sight to where the first ring begins.
-        let is_hidden = |x: f32, low: f32, top: f32| {
-            let y = eye.y as f32;
-            let bounds = Aabb::from_arrays([x, y, low], [x + 0.5 * unit, y, top]);
-            culler.horizon().test(&bounds) == Occlusion::Hidden
-        };
-        for _ in 0..100 {
-            let below = -(height * power_of_two(-random.between(-1, 20))) as f32 * unit;
-            let mut ends = [1.0, 56.0].map(|most| (eye.x + random.fine_range(0.5, most) * scale) as f32);
-            let is = ends.map(|x| is_hidden(x, 1.5 * below, below));
-            if is[0] == is[1] {
-                continue;
-            }
-            loop {
-                let middle = 0.5 * (ends[0] + ends[1]);
-                if middle == ends[0] || middle == ends[1] {
-                    break;
-                }
-                ends[usize::from(is_hidden(middle, 1.5 * below, below) == is[1])] = middle;
-            }
-            found += 1;
-            let mut x = ends[0].min(ends[1]).next_down().next_down();
-            for _ in 0..6 {
-                for top in [f32::MIN_POSITIVE, (height * 1e-12) as f32 * unit, (height * 1e-7) as f32 * unit]
-                {
-                    assert!(
-                        !is_hidden(x, below, top),
-                        "round {round}: {top} above the plain at {x}, from {eye}"
-                    );
-                }
-                x = x.next_up();
-            }
-        }
-    }
-    assert!(found > 500, "{found} depths at which boxes begin to be hidden are no test");
 }

@@ -607,5 +607,15 @@ mod tests {
             assert!(far > 0.0 || is_outside(-0.3, 0.25), "a box before the plane by more");
         }
         assert!(!is_outside(&[], &Aabb::from_arrays([0.0; 3], [1.0; 3])), "a view without planes");
+        // Boxes that end at a plane, with a centre and a half extent that are rounded.
+        let mut random = Random(3);
+        for round in 0..10_000 {
+            let ends = [0; 2].map(|_| random.fine_range(-1.0, 1.0) as f32);
+            let (min, max) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+            let plane = Plane::new(DVec3::X, -f64::from(max));
+            let bounds = Aabb::from_arrays([min, 0.0, 0.0], [max, 1.0, 1.0]);
+            let found = is_outside(&[ViewPlane { plane, error: 0.0 }], &bounds);
+            assert!(!found, "round {round}: {bounds:?} touches its plane");
+        }
     }
 }
