@@ -48,3 +48,53 @@ impl FloorCeil for f64 {
         -(-self).floor_()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{FloorCeil, down, lower, up};
+    use visibility_testing::{Random, UNIT, ends};
+
+    /// Each `f32` stays, and a number between two of them becomes the neighbour on the side asked for.
+    #[test]
+    fn numbers_are_rounded_to_the_next_of_f32() {
+        let mut random = Random(1);
+        for round in 0..10_000 {
+            let a = random.bits32();
+            if !(a.is_finite() && a.next_up().is_finite()) {
+                continue;
+            }
+            let (low, high) = (f64::from(a), f64::from(a.next_up()));
+            assert_eq!([down(low), up(low)], [a; 2], "round {round}: {a} is a number of f32");
+            for x in [low.next_up(), 0.5 * (low + high), high.next_down()] {
+                assert_eq!([down(x), up(x)], [a, a.next_up()], "round {round}: {x} above {a}");
+            }
+            assert!(f64::from(lower(high)) < high && f64::from(lower(low)) < low, "round {round}: {a}");
+        }
+        assert!(down(f64::NAN).is_nan() && up(f64::NAN).is_nan(), "no number");
+        let huge = f64::from(f32::MAX) * 2.0;
+        assert_eq!(
+            [down(huge), up(huge), down(-huge), up(-huge)].map(|x| x.is_finite()),
+            [true, false, false, true],
+            "numbers beyond f32 become the greatest number or infinity"
+        );
+    }
+
+    #[test]
+    fn floors_and_ceilings_are_integers_beside_a_number() {
+        for end in ends(-3, 3) {
+            let floor = end.rank.div_euclid(UNIT);
+            let ceil = floor + i64::from(end.rank != floor * UNIT);
+            assert_eq!([end.value.floor_(), end.value.ceil_()], [floor as f64, ceil as f64], "{end:?}");
+        }
+        let whole = 4503599627370496.0f64;
+        for x in [whole, -whole, 1e300, f64::INFINITY] {
+            assert_eq!([x.floor_(), x.ceil_()], [x; 2], "the whole number {x}");
+        }
+        let last = whole.next_down();
+        assert_eq!(
+            [last.floor_(), last.ceil_()],
+            [last - 0.5, last + 0.5],
+            "the last number with a fraction"
+        );
+    }
+}

@@ -41,10 +41,14 @@ impl Side {
     /// Let e be the unit round-off of `f64`, and U, V and W the greatest magnitudes of the coordinates of
     /// `u`, `v` and `x - anchor`, for all corners `x` of the box. The determinant is computed as in
     /// `sampling/ray.rs`, with an error below 44 e U V W: there, `d` with `|d| <= 1` takes the place of `x -
-    /// anchor`. The corner is chosen by the signs of a normal that errs by 8.3 e U V on each axis, so another
-    /// corner is lower by less than 25 e U V W. The margin is 128 e U V W. Vertices with an error of `slack`
-    /// change each of `u`, `v` and `x - anchor` by 2 slack on an axis, and the determinant by 12 slack (V W +
-    /// U W + U V), to first order. The margin has 16 instead of 12.
+    /// anchor`. The corner is chosen by the signs of a normal that errs by 8.3 e U V on each axis, so
+    /// another corner is lower by less than 25 e U V W. The margin is 128 e U V W. Vertices with an error of
+    /// `slack` change each of `u`, `v` and `x - anchor` by 2 slack on an axis, and the determinant by 12
+    /// slack (V W + U W + U V), to first order. The margin has 16 instead of 12, which also holds what is of
+    /// higher order: if slack is a quarter of U, V or W or more, 16 slack (V W + U W + U V) is at least 4 U
+    /// V W, the greatest determinant of such vectors, and nothing is certain; if it is less, terms of higher
+    /// order are below slack (4 U W + 5 U V), and those of first order below slack (8 V W + 8 U W + 4 U V),
+    /// since a determinant is at most 4 times the product of the greatest magnitudes of its rows.
     fn classify(&self, min: DVec3, max: DVec3, slack: f64) -> Containment {
         let [u, v] = self.sizes;
         let (min, max) = (min - self.anchor, max - self.anchor);
@@ -52,9 +56,7 @@ impl Side {
         let positive = self.normal.cmpge(DVec3::ZERO);
         let least = self.normal.dot(DVec3::select(positive, min, max));
         let most = self.normal.dot(DVec3::select(positive, max, min));
-        let margin = 128.0 * U * u * v * w
-            + 16.0 * slack * (v * w + u * w + u * v + slack * (u + v + w + slack))
-            + f64::MIN_POSITIVE;
+        let margin = 128.0 * U * u * v * w + 16.0 * slack * (v * w + u * w + u * v) + f64::MIN_POSITIVE;
         if least > margin {
             Containment::Inside
         } else if most < -margin {
@@ -95,14 +97,14 @@ impl Umbra {
     /// face that the whole box is certainly in front of, so the box may meet the blocker; or the box is not
     /// certainly strictly behind the triangles that close the blocker's hole.
     pub(crate) fn new(blocker: &Blocker, min: DVec3, max: DVec3) -> Option<Self> {
-        let Blocker { vertices, faces, corners, slack, .. } = blocker;
+        let (Blocker { vertices, faces, corners, .. }, slack) = (blocker, blocker.slack);
         if !is_closed_from(blocker, min, max) {
             return None;
         }
         let behind: Vec<Side> = behind(blocker).collect();
         // The whole box must be outside of the blocker. It is not enough that all corners are: the blocker
         // may pass between them, and a viewpoint inside the blocker sees what is inside.
-        if !behind.iter().any(|side| side.classify(min, max, *slack) == Containment::Outside) {
+        if !behind.iter().any(|side| side.classify(min, max, slack) == Containment::Outside) {
             return None;
         }
         let mut fronts = alloc::vec![false; faces.len()];
@@ -114,19 +116,20 @@ impl Umbra {
             let eye = DVec3::new(at(0, 0), at(1, 1), at(2, 2));
             edges.clear();
             for (index, face) in faces.iter().enumerate() {
-                fronts[index] = behind[index].classify(eye, eye, *slack) == Containment::Outside;
+                fronts[index] = behind[index].normal.dot(eye - behind[index].anchor) < 0.0;
                 is_ever_front[index] |= fronts[index];
                 if fronts[index] {
                     let next = |i: usize| if i + 1 == face.end { face.start } else { i + 1 };
                     edges.extend(face.clone().map(|i| (corners[i], corners[next(i)])));
                 }
             }
-            if edges.is_empty() {
-                return None;
-            }
             // The outline consists of edges of front faces that no other front face runs along in the
-            // opposite direction. The cone is the intersection of the sides of its edges. This holds even if
-            // rounding has bent the outline, since the kernel of a polygon is within the polygon.
+            // opposite direction. The cone is the intersection of the sides of its edges. It does not matter
+            // whether rounding has taken a face for a front or not: the outline winds around a direction that
+            // is on the inner side of all its edges at least once, and its winding number is the number of
+            // faces that show their fronts there, less those that show their backs. So the line of sight
+            // meets a front. That the point is behind this front is certain by the sides added last, and the
+            // face that the whole box is in front of is a front for each corner.
             edges.sort_unstable();
             for &(from, to) in &edges {
                 if edges.binary_search(&(to, from)).is_err() {
@@ -136,7 +139,7 @@ impl Umbra {
         }
         let ever = behind.iter().zip(&is_ever_front).filter(|(_, front)| **front);
         sides.extend(ever.map(|(side, _)| *side));
-        Some(Self { sides, slack: *slack })
+        Some(Self { sides, slack })
     }
 
     /// Returns the interior of a convex polyhedron: the intersection of the open half-spaces behind its
@@ -174,6 +177,7 @@ impl Umbra {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use visibility_testing::Random;
 
     fn unit_cell() -> (DVec3, DVec3) {
         (DVec3::splat(-0.5), DVec3::splat(0.5))
@@ -183,6 +187,81 @@ mod tests {
         let wall = Blocker::cuboid(DVec3::new(3.0, -2.0, -2.0), DVec3::new(4.0, 2.0, 2.0));
         let (min, max) = unit_cell();
         Umbra::new(&wall, min, max).unwrap()
+    }
+
+    /// Points of one plane, whose determinant is not zero once it is rounded, are on neither side.
+    #[test]
+    fn points_of_a_plane_are_on_neither_side_of_it() {
+        let mut random = Random(1);
+        let mut rounded = [0; 2];
+        for round in 0..20_000 {
+            // Coordinates are integers below 2^41, so they and their differences are exact.
+            let whole = |random: &mut Random| random.fine_vector(1e6).round();
+            let (u, v) = (whole(&mut random), whole(&mut random));
+            let [a, b, c, x] = core::array::from_fn(|_| {
+                u * random.fine_range(-1e5, 1e5).round() + v * random.fine_range(-1e5, 1e5).round()
+            });
+            let side = Side::new(a, b, c);
+            let found = side.classify(x, x, 0.0);
+            assert_eq!(found, Containment::Crossing, "round {round}: the points {a} {b} {c} {x}");
+            let distance = side.normal.dot(x - a);
+            rounded[0] += usize::from(distance > 0.0);
+            rounded[1] += usize::from(distance < 0.0);
+        }
+        assert!(rounded.iter().all(|&count| count > 5_000), "{rounded:?} determinants are no test");
+    }
+
+    /// Planes through points that are off by the slack: at (1, 1), such a plane is off by three times that.
+    #[test]
+    fn sides_hold_for_planes_of_points_off_by_the_slack() {
+        for slack in [1e-9, 1e-3] {
+            let side = Side::new(DVec3::ZERO, DVec3::X, DVec3::Y);
+            for (height, may_be) in [
+                (2.9 * slack, Containment::Crossing),
+                (-2.9 * slack, Containment::Crossing),
+                (50.0 * slack, Containment::Inside),
+                (-50.0 * slack, Containment::Outside),
+            ] {
+                let x = DVec3::new(1.0, 1.0, height);
+                assert_eq!(side.classify(x, x, slack), may_be, "{height} m off, slack {slack}");
+            }
+        }
+        // A plane through points that nothing is known about.
+        let side = Side::new(DVec3::ZERO, DVec3::X, DVec3::Y);
+        for slack in [0.25, 1.0, 1e9] {
+            let found = side.classify(DVec3::ONE, DVec3::ONE, slack);
+            assert_eq!(found, Containment::Crossing, "points within {slack} m");
+        }
+    }
+
+    /// The wall may end a centimetre sooner than its vertices say, and all its caps may be elsewhere.
+    #[test]
+    fn umbrae_hold_for_blockers_off_by_the_slack() {
+        let (min, max) = (DVec3::new(3.0, -2.0, -2.0), DVec3::new(4.0, 2.0, 2.0));
+        let slack = 0.01;
+        let wall = Blocker { slack, ..Blocker::cuboid(min, max) };
+        let (from, to) = unit_cell();
+        let umbra = Umbra::new(&wall, from, to).unwrap();
+        // Lines of sight past the edge of the smaller wall, as in the test above.
+        let half = 2.0 - slack + (1.5 - slack) / (3.5 + slack) * (3.0 - slack);
+        let boxed =
+            |half: f64| umbra.classify_box(DVec3::new(6.0, -half, -half), DVec3::new(6.5, half, half));
+        assert_eq!(boxed(half + 1e-9), Containment::Crossing, "a box that the smaller wall leaves visible");
+        assert_eq!(boxed(1.0), Containment::Inside, "a box behind the middle of the wall");
+        // The cell is before the wall's front by less than the slack, and passes the wall on both sides: all
+        // of its corners are clear of the wall, which may still reach into it.
+        let around = |x: f64| {
+            let (from, to) = (DVec3::new(0.0, -3.0, -3.0), DVec3::new(x, 3.0, 3.0));
+            Umbra::new(&wall, from, to).is_none()
+        };
+        assert!(around(2.995), "a cell that the wall may reach into");
+        assert!(!around(1.0), "a cell that is clear of the wall");
+        // A cap before the cell by less than the slack.
+        let cap = |x: f64| [DVec3::new(x, -9.0, -9.0), DVec3::new(x, 0.0, 9.0), DVec3::new(x, 9.0, -9.0)];
+        for (x, is_closed) in [(0.505, false), (-0.505, false), (-9.0, true), (9.0, false)] {
+            let capped = Blocker { caps: alloc::vec![cap(x)], ..wall.clone() };
+            assert_eq!(is_closed_from(&capped, from, to), is_closed, "a cap at {x}");
+        }
     }
 
     #[test]

@@ -36,7 +36,7 @@ fn main() -> ExitCode {
         "package" => package::check(root),
         "width" => check_width(root),
         _ => Err("usage: cargo run -p xtask -- (api [--write] | assertions | cycles | figures [--write] | \
-                  licenses | modules | mutants (CRATE | FILE) | package | width)"
+                  licenses | modules | mutants (CRATE | FILE...) | package | width)"
             .to_owned()),
     };
     match found {

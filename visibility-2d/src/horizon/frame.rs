@@ -111,12 +111,13 @@ impl Frame {
         value > error + self.near.linear.length() * 2.0 * radius
     }
 
-    /// Returns whether a box is certainly beyond the near plane. `min` and `max` are its least and greatest
-    /// coordinates relative to the scene's origin: two on the plan, then the height. False for NaN.
-    pub(crate) fn is_box_beyond_near(&self, min: [f64; 3], max: [f64; 3]) -> bool {
+    /// Returns whether all points within `radius` metres of a box are certainly beyond the near plane. `min`
+    /// and `max` are its least and greatest coordinates relative to the scene's origin: two on the plan, then
+    /// the height. False for NaN.
+    pub(crate) fn is_box_beyond_near(&self, min: [f64; 3], max: [f64; 3], radius: f64) -> bool {
         let growth = self.up.split(self.near.linear);
         let nearest = core::array::from_fn(|i| if growth[i] > 0.0 { min[i] } else { max[i] });
-        self.is_beyond_near(nearest, 0.0)
+        self.is_beyond_near(nearest, radius)
     }
 }
 

@@ -40,8 +40,13 @@ const SQUARES: [usize; 2] = [1 << 10, 1 << 22];
 const LEVELS: usize = 8;
 
 /// Greatest distance on the plan, as a fraction of a square's side, at which a triangle still counts as
-/// meeting the square. A hundred times the errors of positions, which [`Sheet::new`] checks.
+/// meeting the square. The errors of a sheet's positions, which [`Sheet::new`] checks, may take a hundredth
+/// of it, and those of the points whose squares are looked up nine tenths.
 pub(crate) const PAD: f64 = 1e-4;
+
+/// Greatest side of a square in metres, except that it may be up to twice this. Depths of steps are below
+/// 2^36 sides, so that their inverses are normal numbers of `f32`.
+const MAX_SIDE: f64 = 1e26;
 
 /// Square of the plan: one square of the finest level, or several joined.
 #[derive(Clone, Copy, Debug)]
@@ -180,7 +185,7 @@ impl Sheet {
         let wanted = (members.len() * SQUARES_PER_TRIANGLE).clamp(SQUARES[0], SQUARES[1]) as f64;
         let [width, depth] = [max[0] - min[0], max[1] - min[1]];
         let mut side = 1.0f64;
-        while width * depth > wanted * side * side && side < 1e30 {
+        while width * depth > wanted * side * side && side < MAX_SIDE {
             side *= 2.0;
         }
         while width * depth <= wanted * side * side * 0.25 && side > 1e-30 {

@@ -7,9 +7,18 @@
 //! ring and is below it in this ring. Steps are only added at crests, where heights stop growing.
 //!
 //! # Rounding
-//! With `u = 2^-53`. Depths and sides of a wedge are numbers as computed, for the exact eye. Points of the
-//! wedge then have coordinates off by the eye's error and `8u` of their magnitude, and squares are looked up
-//! in a rectangle larger by that. Heights above the eye are off by the same, and quotients round once.
+//! With `u = 2^-53`. Depths and sides of a wedge are numbers as computed, for the exact eye.
+//!
+//! - *Positions.* Coordinates of a wedge's points are off by the eye's error and `16u` of their magnitude.
+//!   [`Wedge::new`] refuses an eye for which this is more than 0.9 [`PAD`] of a square. The heights of a
+//!   square hold up to one [`PAD`] beyond it, of which the sheet's own errors take a hundredth, so squares
+//!   are looked up without a margin.
+//! - *Heights* above the eye are off by the eye's error, which is taken from the lower and added to the upper
+//!   bound. The two sums and the quotient by a depth round by `3u` of their results; where a sum cancels most
+//!   of its terms, these are as small as the eye's error, of which a thousandth is added.
+//! - *Steps* are rounded to `f32` inwards by two steps of rounding: to the nearest number, which is wrong by
+//!   half the distance of two numbers, and by one whole distance. What is left over, at least `2^-25` of the
+//!   number, is more than the `3u` and the rounding of an inverse depth.
 
 use super::columns::{BLOCK, Columns, Step};
 use super::frame::{FACES, Frame};
@@ -61,18 +70,20 @@ impl Drawn<'_> {
         if self.terrain.is_lost(object) || self.changed.binary_search(&(ground.id.index() as u32)).is_ok() {
             return false;
         }
-        self.visible.contains(self.scene, ground.id) || is_outside(&self.planes, &ground.bounds)
+        self.visible.contains(self.scene, ground.id) || is_outside(self.planes.as_slice(), &ground.bounds)
     }
 }
 
 /// Returns whether a box is surely outside of a view.
-fn is_outside(planes: &ViewPlanes, bounds: &Aabb) -> bool {
+fn is_outside(planes: &[ViewPlane], bounds: &Aabb) -> bool {
     let (center, half) = (bounds.center().as_dvec3(), bounds.half_extent().as_dvec3());
-    planes.as_slice().iter().any(|ViewPlane { plane, error }| {
-        // The factors 1.001 and 1e-6 cover the rounding of centre and half extent to `f32`.
+    planes.iter().any(|&ViewPlane { plane, error }| {
+        // The factors 1.001 and 1e-6 cover the rounding of centre and half extent to `f32`, `2^-23` of both,
+        // and a thousand times over what `f64` rounds: `16u` in the normal, and `4u` of the terms of the
+        // distance. The plane's offset is one of these terms; where the sum is near zero, it is as large as
+        // the others.
         let reach = plane.normal.abs().dot(half * 1.001 + center.abs() * 1e-6);
-        let most = plane.signed_distance(center) + reach;
-        most < -(4.0 * plane.error_bound(center.abs() + half) + error)
+        plane.signed_distance(center) + reach < -error
     })
 }
 
@@ -129,8 +140,6 @@ struct Wedge<'a> {
     depth: f64,
     /// Depth in metres beyond which the sheet has no square.
     end: f64,
-    /// Bound on the error of coordinates and heights, in metres.
-    error: f64,
     /// The rings walked since the last ring over which the ground does not occlude.
     run: Run,
     /// Height of the sheet's lowest point above the eye, in metres.
@@ -156,16 +165,16 @@ impl Run {
     const EMPTY: Self =
         Self { low: f64::INFINITY, crest: [f64::INFINITY, f64::NEG_INFINITY, 0.0], since: None };
 
-    /// Returns the step at the crest of the run. `None` if it was already returned.
+    /// Returns the step at the crest of the run. `None` if it was already returned. A step whose heights
+    /// rounding has made empty hides nothing. The inverse depth is a normal number, see [`MAX_SIDE`].
     fn take(&mut self) -> Option<Step> {
         self.since.take()?;
         let [low, high, depth] = self.crest;
-        let step = Step {
+        Some(Step {
             inverse_depth: ((1.0 / depth) as f32).next_down(),
             low: (low as f32).next_up(),
             high: (high as f32).next_down(),
-        };
-        (step.low < step.high && step.inverse_depth >= f32::MIN_POSITIVE).then_some(step)
+        })
     }
 }
 
@@ -183,11 +192,11 @@ impl<'a> Wedge<'a> {
             _ => [eye[1] - far(1), eye[1] - sheet.corner[1]],
         };
         let size = eye.iter().fold(end.abs(), |size, x| size.max(x.abs()));
-        let error = 2.0 * frame.error + 16.0 * U * size;
         let depth = near.max(0.5 * sheet.side);
         let (bottom, top) = (f64::from(sheet.bottom) - eye[2], f64::from(sheet.top) - eye[2]);
-        // For NaN, and for errors larger than squares allow for, the walk is empty.
-        let end = if error < PAD * sheet.side && size < 1e15 { end } else { 0.0 };
+        // For NaN, and for errors larger than squares allow for, the walk is empty. Else `size` is below 2^36
+        // sides of squares, and so are depths.
+        let end = if frame.error + 16.0 * U * size < 0.9 * PAD * sheet.side { end } else { 0.0 };
         Self {
             frame,
             sheet,
@@ -196,7 +205,6 @@ impl<'a> Wedge<'a> {
             per_side: 1.0 / sheet.side,
             depth,
             end,
-            error,
             run: Run::EMPTY,
             bottom,
             top,
@@ -212,7 +220,7 @@ impl<'a> Wedge<'a> {
             let to = from + self.sheet.side.max(from * RING);
             self.depth = to;
             // From here on, no point of the sheet can be higher in the picture than the crest.
-            if self.top / if self.top > 0.0 { from } else { self.end } < self.run.crest[1] {
+            if (self.top / from).max(self.top / self.end) < self.run.crest[1] {
                 break;
             }
             let Some([low, high]) = self.heights(from, to, is_present) else {
@@ -226,9 +234,9 @@ impl<'a> Wedge<'a> {
             // A line of sight lower than this in the picture is below the sheet at one end of the ring, which
             // suffices to block it.
             let run = &mut self.run;
-            let under = low / if low > 0.0 { from } else { to };
+            let under = (low / from).max(low / to);
             let mut step = None;
-            if under > run.crest[1] && run.low < under {
+            if under > run.crest[1].max(run.low) {
                 // No point of the sheet behind the crest is lower in the picture than its lowest point.
                 run.crest = [run.low.max(self.bottom / to), under, to];
                 run.since = Some(0);
@@ -238,7 +246,7 @@ impl<'a> Wedge<'a> {
                     step = run.take();
                 }
             }
-            run.low = run.low.min(high / if high > 0.0 { to } else { from });
+            run.low = run.low.min((high / from).min(high / to));
             if step.is_some() {
                 return step;
             }
@@ -255,24 +263,18 @@ impl<'a> Wedge<'a> {
     fn heights(&self, from: f64, to: f64, is_present: &mut impl FnMut(u32) -> bool) -> Option<[f64; 2]> {
         let [right, left] = self.sides;
         let (right, left) = ((right * from).min(right * to), (left * from).max(left * to));
-        let e = self.error;
-        let ring = [from - e, to + e, right - e, left + e];
-        let [near, far, right, left] = ring;
         // The ring's part in this block as a rectangle on the plan: `from` to `to` along the face's axis, and
         // between the wedge's sides across it.
         let ([x0, x1], [y0, y1]) = match self.face {
-            0 => ([near, far], [right, left]),
-            1 => ([-left, -right], [near, far]),
-            2 => ([-far, -near], [-left, -right]),
-            _ => ([right, left], [-far, -near]),
+            0 => ([from, to], [right, left]),
+            1 => ([-left, -right], [from, to]),
+            2 => ([-to, -from], [-left, -right]),
+            _ => ([right, left], [-to, -from]),
         };
         let eye = self.frame.eye;
         let (min, max) = ([eye[0] + x0, eye[1] + y0], [eye[0] + x1, eye[1] + y1]);
-        let index = |at: [f64; 2], axis: usize, pad: f64| {
-            floor((at[axis] - self.sheet.corner[axis]) * self.per_side + pad)
-        };
-        let first = [index(min, 0, -PAD), index(min, 1, -PAD)];
-        let last = [index(max, 0, PAD), index(max, 1, PAD)];
+        let index = |at: [f64; 2], axis: usize| floor((at[axis] - self.sheet.corner[axis]) * self.per_side);
+        let (first, last) = ([index(min, 0), index(min, 1)], [index(max, 0), index(max, 1)]);
         // The finest level on which the rectangle meets at most [`MAX_SQUARES`] squares along each axis.
         let mut level = 0;
         while (0..2).any(|axis| (last[axis] >> level) - (first[axis] >> level) >= MAX_SQUARES) {
@@ -280,15 +282,16 @@ impl<'a> Wedge<'a> {
         }
         let squares = self.sheet.levels.get(level)?;
         let rows = squares.squares.len() / squares.columns;
-        let [x0, y0] = first.map(|i| i >> level);
-        let [x1, y1] = last.map(|i| i >> level);
-        if x0 < 0 || y0 < 0 || x1 as usize >= squares.columns || y1 as usize >= rows {
+        // Converted, not cast: beside a distant sheet, numbers of squares exceed 32 bits.
+        let place = |i: i64| usize::try_from(i >> level).ok();
+        let (x0, y0, x1, y1) = (place(first[0])?, place(first[1])?, place(last[0])?, place(last[1])?);
+        if x1 >= squares.columns || y1 >= rows {
             return None;
         }
         let (mut low, mut high, mut known) = (f32::INFINITY, f32::NEG_INFINITY, BROKEN);
-        for row in y0 as usize..=y1 as usize {
+        for row in y0..=y1 {
             let begin = row * squares.columns;
-            for square in &squares.squares[begin + x0 as usize..=begin + x1 as usize] {
+            for square in &squares.squares[begin + x0..=begin + x1] {
                 let Square { low: a, high: b, owners } = *square;
                 // Most neighbouring squares have the same owners, so the last answer is reused.
                 if owners == BROKEN || owners != known && !is_present(owners) {
@@ -299,13 +302,320 @@ impl<'a> Wedge<'a> {
             }
         }
         let (low, high) = (f64::from(low), f64::from(high));
-        if !self.frame.is_box_beyond_near([min[0], min[1], low], [max[0], max[1], high]) {
+        let pad = PAD * self.sheet.side;
+        if !self.frame.is_box_beyond_near([min[0], min[1], low], [max[0], max[1], high], pad) {
             return None;
         }
-        // Heights relative to the eye, with a bound on the rounding of both.
-        let outward = |height: f64| (height - eye[2], e + 4.0 * U * (height.abs() + eye[2].abs()));
-        let ((low, a), (high, b)) = (outward(low), outward(high));
-        // Quotients by depths round once: 4u of their value.
-        Some([low - a - 8.0 * U * low.abs(), high + b + 8.0 * U * high.abs()])
+        let error = 1.001 * self.frame.error;
+        Some([low - eye[2] - error, high - eye[2] + error])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::frame::UpAxis;
+    use super::super::terrain::Level;
+    use super::*;
+    use alloc::vec;
+    use visibility_core::geometry::Plane;
+    use visibility_core::glam::{Affine3A, DVec3, Vec3};
+    use visibility_core::{Object, OccluderMesh, Pose, View};
+    use visibility_testing::cameras::power_of_two;
+    use visibility_testing::{Random, sign_of_sum};
+
+    /// Number of squares of a ridge along the depth, and across it.
+    const SQUARES: [usize; 2] = [16, 3];
+
+    /// Returns a scene of rising ground, and its terrain of one sheet.
+    fn hill() -> (Scene, Terrain) {
+        let at = |x: i16, y: i16| Vec3::new(f32::from(x), f32::from(y), 0.5 * f32::from(x));
+        let cells = (-4..4).flat_map(|x| (-4..4).map(move |y| (x, y)));
+        let triangles: Vec<_> = cells
+            .flat_map(|(x, y)| {
+                let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
+                [[a, b, c], [a, c, d]]
+            })
+            .collect();
+        let (mut scene, mesh) = (Scene::new(), OccluderMesh::from_triangles(&triangles).unwrap());
+        let id = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
+        let mesh = scene.add_mesh(mesh);
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        let terrain = Terrain::new(&scene, UpAxis::Z);
+        (scene, terrain)
+    }
+
+    /// Returns the frame of an eye, known without error, that looks level along `ahead`.
+    fn frame(eye: DVec3, ahead: DVec3, near: f64) -> Frame {
+        let pose = Pose::look_at(eye, eye + ahead * near, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, near, f64::INFINITY).unwrap();
+        let mut frame = Frame::new(&view, DVec3::ZERO, UpAxis::Z);
+        (frame.eye, frame.error) = (eye.to_array(), 0.0);
+        frame
+    }
+
+    /// Ground whose height depends on the depth in one face alone, and a frame that looks along it.
+    struct Ridge {
+        face: usize,
+        side: f64,
+        /// Depth of the grid's first square, negative if it begins behind the eye: a multiple of half a side.
+        begin: f64,
+        sheet: Sheet,
+        frame: Frame,
+    }
+
+    impl Ridge {
+        /// Makes a ridge of any sheet and the least and the greatest height of each square, from the first
+        /// one on. `None` stands for a broken square. The eye is at the height `eye`. `corner` is in sides.
+        fn new(
+            mut sheet: Sheet,
+            face: usize,
+            side: f64,
+            begin: f64,
+            heights: &[Option<[f32; 2]>; SQUARES[0]],
+            corner: [f64; 2],
+            eye: f64,
+        ) -> Self {
+            let [along, across] = [SQUARES[0], SQUARES[1]];
+            let (columns, rows) = if face % 2 == 0 { (along, across) } else { (across, along) };
+            let square = |x: usize, y: usize| {
+                let place = if face % 2 == 0 { x } else { y };
+                let place = if face < 2 { place } else { along - 1 - place };
+                let [low, high] = heights[place].unwrap_or([0.0; 2]);
+                Square { low, high, owners: if heights[place].is_some() { 0 } else { BROKEN } }
+            };
+            let squares = (0..rows).flat_map(|y| (0..columns).map(move |x| square(x, y))).collect();
+            sheet.levels = vec![Level { columns, squares }];
+            (sheet.corner, sheet.side) = (corner.map(|x| x * side), side);
+            let known = || heights.iter().flatten().flatten().copied();
+            sheet.bottom = known().fold(f32::INFINITY, f32::min);
+            sheet.top = known().fold(f32::NEG_INFINITY, f32::max);
+            let ahead = [DVec3::X, DVec3::Y, -DVec3::X, -DVec3::Y][face];
+            let near = if face < 2 { -begin } else { begin + side * along as f64 };
+            let middle = 0.5 * side * across as f64;
+            let [x, y] = if face % 2 == 0 { [near, middle] } else { [middle, near] };
+            let at = DVec3::new(sheet.corner[0] + x, sheet.corner[1] + y, eye);
+            let frame = frame(at, ahead, 1e-3 * side);
+            Self { face, side, begin, sheet, frame }
+        }
+
+        fn steps(&self) -> Vec<Step> {
+            let mut wedge = Wedge::new(&self.frame, &self.sheet, self.face, [-0.05, 0.04]);
+            core::iter::from_fn(|| wedge.next_step(&mut |_| true)).collect()
+        }
+    }
+
+    /// Returns whether a line of sight of the given slope meets ground from above at an inverse depth of `w`
+    /// or more. The ground is straight between `nodes`, which are `side` apart, and has a gap where `gaps`
+    /// says so. Exact, for an eye that is `[forth, up]` off the frame's.
+    fn is_met(slope: f64, w: f64, ridge: &Ridge, ground: (&[f64], &[bool]), [forth, up]: [f64; 2]) -> bool {
+        let (nodes, gaps) = ground;
+        let (side, eye) = (ridge.side, ridge.frame.eye[2]);
+        let mut was_above = false;
+        for (i, &z) in nodes.iter().enumerate() {
+            let depth = ridge.begin + i as f64 * side - forth;
+            if depth <= 0.0 {
+                continue;
+            }
+            let is_beyond = sign_of_sum([(depth, w), (-1.0, 1.0)]) > 0;
+            let above = if is_beyond && i > 0 {
+                // The line's height above the ground at the inverse depth, times `w`.
+                let last = nodes[i - 1];
+                let growth = (z - last) / side;
+                let back = growth * (depth - side);
+                let terms = [(slope, 1.0), (eye, w), (up, w), (-last, w), (-growth, 1.0), (back, w)];
+                sign_of_sum(terms)
+            } else {
+                sign_of_sum([(slope, depth), (eye, 1.0), (up, 1.0), (-z, 1.0)])
+            };
+            was_above &= i == 0 || !gaps[i - 1];
+            if was_above && above <= 0 {
+                return true;
+            }
+            if is_beyond {
+                return false;
+            }
+            was_above |= above > 0;
+        }
+        false
+    }
+
+    /// Random ridges at all scales and far from the origin. Lines of sight next to both ends of each step,
+    /// from eyes that are off by the whole error, meet the ground where the step says. Half of the eyes are
+    /// next to the height of the ground, where errors are largest beside heights.
+    #[test]
+    fn steps_hold_for_each_eye_within_the_error() {
+        let mut random = Random(1);
+        let any = hill().1.sheets.remove(0);
+        let mut lines = 0;
+        for round in 0..20_000 {
+            let side = power_of_two(random.between(-60, 60));
+            let unit = side / 1024.0;
+            let base = [0.0, 1e4, 1e6][random.below(3)] * unit;
+            let steep = [1, 1, 8, 100][random.below(4)];
+            let mut height = 0;
+            let nodes: Vec<f64> = (0..=SQUARES[0])
+                .map(|_| {
+                    height += random.between(-steep, steep) * i32::from(random.one_in(2));
+                    base + f64::from(height) * unit
+                })
+                .collect();
+            let gaps: Vec<bool> = (0..SQUARES[0]).map(|_| random.one_in(20)).collect();
+            // Bounds of the ground over each square and the pad around it.
+            let bounds: [_; SQUARES[0]] = core::array::from_fn(|i| {
+                let at = |node: usize, next: Option<&f64>| {
+                    let growth = next.map_or(0.0, |next| next - nodes[node]);
+                    [nodes[node], nodes[node] + PAD * growth]
+                };
+                let before = i.checked_sub(1).and_then(|before| nodes.get(before));
+                let ends = [at(i, before), at(i + 1, nodes.get(i + 2))].concat();
+                let least = ends.iter().copied().fold(f64::INFINITY, f64::min);
+                let most = ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                (!gaps[i]).then_some([(least as f32).next_down(), (most as f32).next_up()])
+            });
+            let start = random.between(-2 * SQUARES[0] as i32, 8);
+            let start = f64::from(start | 1);
+            let place = nodes[random.below(nodes.len())];
+            let eye = place + side * [1e-6, 1e-4, 1e-2, 1.0][random.below(4)] * random.range(-0.2, 1.0);
+            let corner = [0, 1].map(|_| f64::from(random.between(-1 << 20, 1 << 20) >> random.below(21)));
+            let face = random.below(FACES);
+            let mut ridge = Ridge::new(any.clone(), face, side, 0.5 * start * side, &bounds, corner, eye);
+            // A multiple of 2^-40 sides, below 0.9 pads.
+            let error = f64::from(random.between(0, 98_000_000) >> [0, 10, 27][random.below(3)]);
+            let error = error * power_of_two(-40) * side;
+            ridge.frame.error = error;
+            for step in ridge.steps() {
+                let [w, low, high] = [step.inverse_depth, step.low, step.high].map(f64::from);
+                if low >= high {
+                    continue;
+                }
+                for slope in [low.next_up(), 0.5 * (low + high), high.next_down()] {
+                    for off in [[0.0, 0.0], [0.0, error], [0.0, -error], [error, 0.0], [-error, 0.0]] {
+                        lines += 1;
+                        let is_met = is_met(slope, w, &ridge, (&nodes, &gaps), off);
+                        assert!(is_met, "round {round}, {step:?}: slope {slope} from an eye off by {off:?}");
+                    }
+                }
+            }
+        }
+        assert!(lines > 100_000, "{lines} lines of sight are no test");
+    }
+
+    /// Numbers that a step rounds to `f32` move inwards by more than the errors of `f64`, at all magnitudes.
+    #[test]
+    fn crests_are_rounded_inwards() {
+        let mut random = Random(2);
+        for round in 0..100_000 {
+            let number = |random: &mut Random, least: i32, most: i32| {
+                random.fine_range(1.0, 2.0) * power_of_two(random.between(least, most))
+            };
+            let depth = number(&mut random, -100, 122);
+            let height = number(&mut random, -160, 140) * [-1.0, 1.0][random.below(2)];
+            let mut run = Run { low: 0.0, crest: [height, height, depth], since: Some(0) };
+            let Some(step) = run.take() else { panic!("round {round}: no step of a crest") };
+            let off = 8.0 * U * height.abs();
+            assert!(f64::from(step.low) > height + off, "round {round}: {step:?} from {height}");
+            assert!(f64::from(step.high) < height - off, "round {round}: {step:?} up to {height}");
+            let product = [(depth, step.inverse_depth.into()), (-1.0, 1.0)];
+            assert!(sign_of_sum(product) < 0, "round {round}: {step:?} is nearer than {depth}");
+            assert!(step.inverse_depth >= f32::MIN_POSITIVE, "round {round}: {step:?} is no normal number");
+            assert_eq!(run.take(), None, "round {round}: a step is returned once");
+        }
+    }
+
+    /// Ground of height `0` at the eye's own height, and lower before.
+    fn level(heights: [f32; SQUARES[0]], eye: f64) -> Ridge {
+        Ridge::new(
+            hill().1.sheets.remove(0),
+            0,
+            1.0,
+            -0.5,
+            &heights.map(|height| Some([height; 2])),
+            [0.0; 2],
+            eye,
+        )
+    }
+
+    #[test]
+    fn an_eye_whose_error_exceeds_the_pad_sees_nothing_hidden() {
+        let mut ridge = level(core::array::from_fn(|i| if i < 4 { -1.0 } else { 1.0 }), 0.0);
+        for (error, hides) in [(0.0, true), (0.89, true), (0.91, false), (1.7, false), (f64::NAN, false)] {
+            ridge.frame.error = error * PAD;
+            assert_eq!(!ridge.steps().is_empty(), hides, "an error of {error} pads");
+        }
+        // Far away, coordinates are rounded by as much.
+        ridge.frame.error = 0.0;
+        for (far, hides) in [(1e8, true), (1e12, false)] {
+            let squares = [Some([0.0; 2]); SQUARES[0]];
+            let mut ridge = Ridge::new(hill().1.sheets.remove(0), 0, 1.0, -0.5, &squares, [far, 0.0], 1.0);
+            ridge.frame.error = 0.0;
+            assert_eq!(!ridge.steps().is_empty(), hides, "{far} squares from the origin");
+        }
+    }
+
+    /// Of rings that are equally high in the picture, the nearest gives the step; a ring that is as high as
+    /// the lowest before gives none, and leaves later ones theirs.
+    #[test]
+    fn equal_heights_do_not_move_a_crest() {
+        let steps = level(core::array::from_fn(|i| if i < 3 { -1.0 } else { 0.0 }), 0.0).steps();
+        let depths: Vec<f32> = steps.iter().map(|step| 1.0 / step.inverse_depth).collect();
+        assert!(matches!(depths[..], [depth] if (3.4..3.6).contains(&depth)), "depths of steps: {depths:?}");
+        // The second ring, 2 m above the eye, is as high in the picture as the first was: 2 m over 1.5 m. The
+        // fourth is lower there than that, and hides what is between it and the lowest up to then.
+        let steps = level(core::array::from_fn(|i| if i < 4 { 3.0 } else { 4.5 }), 1.0).steps();
+        assert!(steps.iter().any(|step| step.low < 0.9 && step.high > 0.9), "steps: {steps:?}");
+    }
+
+    /// The near plane cuts ground that it comes near by less than the pad.
+    #[test]
+    fn ground_next_to_the_near_plane_does_not_hide() {
+        for (near, hides) in [(0.4, true), (0.4999, false), (0.50001, false)] {
+            let mut ridge = level(core::array::from_fn(|i| if i < 1 { -1.0 } else { 1.0 }), 0.0);
+            ridge.frame = frame(DVec3::from_array(ridge.frame.eye), DVec3::X, near);
+            let wedge = Wedge::new(&ridge.frame, &ridge.sheet, 0, [-0.05, 0.04]);
+            assert_eq!(wedge.heights(0.5, 1.5, &mut |_| true).is_some(), hides, "a near plane at {near}");
+        }
+    }
+
+    /// An eye at the height of the lowest ground is above the sheet.
+    #[test]
+    fn an_eye_as_low_as_the_ground_is_above_it() {
+        let (scene, terrain) = hill();
+        for (below, hides) in [(0.0, true), (1e-9, false)] {
+            let eye = DVec3::new(-10.0, 0.0, f64::from(terrain.sheets[0].bottom) - below);
+            let frame = frame(eye, DVec3::X, 1e-3);
+            let mut columns = Columns::new(8 * BLOCK);
+            columns.begin(&frame);
+            let candidates = (&scene, &VisibleSet::new(), &[][..]);
+            let mut presence = Presence::default();
+            draw_terrain(&mut columns, &frame, ViewPlanes::NONE, &terrain, candidates, &mut presence);
+            let is_hidden = columns.face(0).iter().any(|block| block.is_hidden_throughout(0.0, 0.2, 0.21));
+            assert_eq!(is_hidden, hides, "{below} m below the ground");
+        }
+    }
+
+    /// A box next to a plane whose offset is off by a quarter of a metre.
+    #[test]
+    fn boxes_within_the_error_of_a_plane_are_not_outside() {
+        for far in [0.0, 1e6f32] {
+            let plane = Plane::new(DVec3::X, -f64::from(far));
+            let is_outside = |reach: f32, error: f64| {
+                let bounds = Aabb::from_arrays([far - 2.0, 0.0, 0.0], [far + reach, 1.0, 1.0]);
+                is_outside(&[ViewPlane { plane, error }], &bounds)
+            };
+            assert!(!is_outside(-0.2, 0.25), "a box before the plane by less than its error, at {far}");
+            assert!(!is_outside(0.1, 0.0), "a box beyond the plane, at {far}");
+            assert!(far > 0.0 || is_outside(-0.3, 0.25), "a box before the plane by more");
+        }
+        assert!(!is_outside(&[], &Aabb::from_arrays([0.0; 3], [1.0; 3])), "a view without planes");
+        // Boxes that end at a plane, with a centre and a half extent that are rounded.
+        let mut random = Random(3);
+        for round in 0..10_000 {
+            let ends = [0; 2].map(|_| random.fine_range(-1.0, 1.0) as f32);
+            let (min, max) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+            let plane = Plane::new(DVec3::X, -f64::from(max));
+            let bounds = Aabb::from_arrays([min, 0.0, 0.0], [max, 1.0, 1.0]);
+            let found = is_outside(&[ViewPlane { plane, error: 0.0 }], &bounds);
+            assert!(!found, "round {round}: {bounds:?} touches its plane");
+        }
     }
 }

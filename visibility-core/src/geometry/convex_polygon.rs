@@ -40,7 +40,7 @@ pub enum PolygonError {
     NoPlane,
     /// A vertex is farther from the plane of the polygon than [`ConvexPolygon::TOLERANCE`] allows.
     NotPlanar {
-        /// Index of the vertex that is farthest from the polygon's plane.
+        /// Index of the vertex that is farthest from the polygon's plane, the first of equally far ones.
         vertex: usize,
         /// Distance of the farthest vertex from the polygon's plane, in metres.
         distance: f64,
@@ -278,6 +278,47 @@ mod tests {
         assert!(out.is_empty(), "clipping all away empties the output, which held a square before");
         square().clip(&Plane::new(DVec3::X, 0.0), &mut out);
         assert_eq!(out.area(), 1.0, "a plane along an edge cuts nothing off the unit square");
+    }
+
+    #[test]
+    fn polygons_of_three_vertices_are_not_empty() {
+        let triangle = ConvexPolygon::new([DVec3::ZERO, DVec3::X, DVec3::Y]).unwrap();
+        assert!(!triangle.is_empty(), "a triangle");
+        let mut out = ConvexPolygon::default();
+        let corner = Plane::through(DVec3::X * 0.5, DVec3::new(-1.0, -1.0, 0.0));
+        assert_eq!(square().clip(&corner, &mut out), Containment::Crossing, "a corner of the square is kept");
+        assert_eq!(out.vertices().len(), 3, "the corner of a square: {out:?}");
+    }
+
+    /// Polygons that deviate from a flat, convex one of an extent of 1 m by the tolerance, and by a tenth
+    /// less and more.
+    #[test]
+    fn polygons_are_flat_and_convex_up_to_the_tolerance() {
+        let limit = ConvexPolygon::TOLERANCE;
+        for (off, is_allowed) in [(0.9 * limit, true), (limit, true), (1.1 * limit, false)] {
+            // The area vector points along z, and the first and the third vertex lie in its plane.
+            let h = 0.5 * off;
+            let bent = [[0.0, 0.0, h], [1.0, 0.0, -h], [1.0, 1.0, h], [0.0, 1.0, -h]];
+            let expected = PolygonError::NotPlanar { vertex: 1, distance: off };
+            let found = ConvexPolygon::new(bent.map(DVec3::from)).err();
+            assert_eq!(found, (!is_allowed).then_some(expected), "a square bent by {off} m");
+        }
+        for (off, is_allowed) in [(0.9 * limit, true), (1.1 * limit, false)] {
+            // The line of the first edge passes the third vertex at a distance of twice the dent.
+            let dent = 0.5 * off;
+            let dented =
+                [[0.0, 0.0, 0.0], [0.5, dent, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+            let found = ConvexPolygon::new(dented.map(DVec3::from)).err();
+            let expected = PolygonError::NotConvex { vertex: 2 };
+            assert_eq!(found, (!is_allowed).then_some(expected), "a square dented by {dent} m");
+        }
+        for (area, is_allowed) in [(0.7, false), (1.0, true), (1.3, true)] {
+            let height = 2.0 * area * AREA_ROUNDING;
+            let sliver = [DVec3::ZERO, DVec3::X, DVec3::new(0.5, height, 0.0)];
+            let found = ConvexPolygon::new(sliver).err();
+            let expected = (!is_allowed).then_some(PolygonError::NoPlane);
+            assert_eq!(found, expected, "a sliver of {area} times the least area");
+        }
     }
 
     #[test]

@@ -197,6 +197,50 @@ mod tests {
         assert_eq!(broken.classify_aabb(&touching), Containment::Crossing, "a plane that is NaN");
     }
 
+    /// Distances of a few units of rounding are exact here; the error bound is `12u`, and `24u` for the box.
+    #[test]
+    fn shapes_within_the_error_bound_are_crossing() {
+        let plane = Plane::new(DVec3::X, -1.0);
+        for (units, expected) in [
+            (-14.0, Containment::Outside),
+            (-10.0, Containment::Crossing),
+            (10.0, Containment::Crossing),
+            (14.0, Containment::Inside),
+        ] {
+            let point = DVec3::new(1.0 + units * U, 0.0, 0.0);
+            assert_eq!(plane.classify_point(point), expected, "a point {units} units beyond the plane");
+            let plane = Plane::new(DVec3::new(1.0 + units * U, 0.0, 0.0), -2.0);
+            let bounds = Aabb::from_arrays([2.0, 0.0, 0.0], [2.0, 1.0, 1.0]);
+            assert_eq!(plane.classify_aabb(&bounds), expected, "a box {units} units of 2 beyond the plane");
+        }
+        // The greatest offset that is its own error bound.
+        let least = 8.0 * f64::MIN_POSITIVE;
+        for (offset, expected) in [
+            (least * (1.0 + 6.0 * U), Containment::Crossing),
+            (-least * (1.0 + 6.0 * U), Containment::Crossing),
+            (least * (1.0 + 8.0 * U), Containment::Inside),
+            (-least * (1.0 + 8.0 * U), Containment::Outside),
+        ] {
+            let plane = Plane::new(DVec3::ZERO, offset);
+            assert_eq!(plane.classify_point(DVec3::ZERO), expected, "a distance of {offset}");
+        }
+    }
+
+    /// Products and sums can be chosen so that all four roundings of a distance go one way.
+    #[test]
+    fn distances_err_by_more_than_half_of_their_bound() {
+        let small = 2.0f64.powi(-27);
+        // `(1 + s)^2` loses a quarter of its last digit, and each sum nearly half of it.
+        let (a, lost) = (1.0 + small, U * (1.0 - small));
+        let plane = Plane::new(DVec3::new(a, 1.0, 1.0), lost);
+        let p = DVec3::new(a, lost, lost);
+        // Exact: `(1 + 2 s + s^2) + 3 lost`, where `s^2 = u / 2`, and all but `1 + 2 s` is lost.
+        let error = 0.5 * U + 3.0 * lost;
+        assert_eq!(plane.signed_distance(p), 1.0 + 2.0 * small, "the sum without what is lost");
+        let bound = plane.error_bound(p);
+        assert!(0.5 * bound < error && error < bound, "off by {error} of at most {bound}");
+    }
+
     #[test]
     fn normalizing_survives_extreme_magnitudes() {
         for scale in [1e-300, 1e-30, 1.0, 1e30, 1e300] {

@@ -209,6 +209,30 @@ mod tests {
     }
 
     #[test]
+    fn distances_up_to_the_margin_are_on_the_plane() {
+        for (distance, side) in [
+            (-1.25, Side::Back),
+            (-1.0, Side::On),
+            (-0.75, Side::On),
+            (0.75, Side::On),
+            (1.0, Side::On),
+            (1.25, Side::Front),
+            (f64::NAN, Side::On),
+        ] {
+            assert_eq!(Side::of(distance, 1.0), side, "a distance of {distance} margins");
+            let plane = SidePlane { plane: Plane::new(DVec3::X, 0.0), margin: 1.0 };
+            assert_eq!(plane.side(DVec3::X * distance), side, "a point {distance} margins beyond the plane");
+            let polygon = match side {
+                Side::Back => PolygonSide::Back,
+                Side::On => PolygonSide::On,
+                Side::Front => PolygonSide::Front,
+            };
+            let found = plane.side_of_polygon(&[DVec3::ZERO, DVec3::X * distance]);
+            assert_eq!(found, polygon, "a polygon that reaches {distance} margins beyond the plane");
+        }
+    }
+
+    #[test]
     fn orientation_is_never_wrong_and_mostly_sure() {
         let mut random = Random(5);
         let (mut sure, mut flat) = (0, 0);

@@ -220,3 +220,26 @@ fn scale_to_one(row: DVec4) -> f64 {
     let exponent = (size.to_bits() >> 52) as i64 - 1023;
     f64::from_bits(((1023 - exponent.clamp(-1000, 1000)) as u64) << 52)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::scale_to_one;
+    use glam::DVec4;
+
+    #[test]
+    fn rows_are_scaled_to_a_slope_of_about_one() {
+        for scale in [1e-300, 1e-43, 1.0, 1e43, 1e300] {
+            for (row, size) in [
+                (DVec4::new(0.3, -0.5, 0.1, 7.0), 0.9),
+                (DVec4::new(0.0, 0.0, 0.0, -7.0), 7.0),
+                (DVec4::new(1.0, 0.0, 0.0, 0.0), 1.0),
+            ] {
+                let scaled = size * scale * scale_to_one(row * scale);
+                assert!((1.0..2.0).contains(&scaled), "{row} times {scale} has a slope of {scaled}");
+            }
+        }
+        for row in [DVec4::ZERO, DVec4::NAN, DVec4::INFINITY] {
+            assert!(scale_to_one(row).is_finite(), "the power for {row}");
+        }
+    }
+}

@@ -3,7 +3,7 @@
 //!
 //! `cargo-mutants` replaces functions and operators, and compiles the crate for each mutant. What it lacks is
 //! here: margins become nothing or half of themselves, `<` becomes `<=`, rounding up becomes rounding down;
-//! and some hundred mutants are compiled at once.
+//! and hundreds of mutants are compiled at once.
 
 mod run;
 mod schemata;
@@ -21,26 +21,33 @@ const SURVIVORS: &str = "xtask/survivors.txt";
 /// Options of the task.
 #[derive(Debug)]
 struct Options {
-    /// Folder of the crate. A file of it, if only its mutants are wanted.
+    /// Folder of the crate.
     package: String,
-    file: Option<String>,
+    /// Files of the crate whose mutants are wanted. All, if there are none.
+    files: Vec<String>,
     /// Number of mutants to draw. All, if that is more.
     sample: usize,
     seed: u64,
-    /// Time after which no more batches are begun.
+    /// Time for tests of mutants, beside what compiling takes. No mutant's tests are begun after it.
     limit: Duration,
 }
 
-/// Reads options: a crate or a file of one; `--sample N`, `--seed N`, `--minutes N`.
+/// Reads options: a crate or files of one; `--sample N`, `--seed N`, `--minutes N`.
 fn options(arguments: &[String]) -> Result<Options, String> {
-    let usage = "usage: cargo run -p xtask -- mutants (CRATE | FILE) [--sample N] [--seed N] [--minutes N]";
-    let place = arguments.first().ok_or(usage)?;
-    let package = place.split('/').next().unwrap_or_default().to_owned();
-    let file = place.ends_with(".rs").then(|| place.clone());
+    let usage =
+        "usage: cargo run -p xtask -- mutants (CRATE | FILE...) [--sample N] [--seed N] [--minutes N]";
+    let places = arguments.iter().take_while(|place| !place.starts_with("--")).count();
+    let (places, pairs) = arguments.split_at(places);
+    let package = |place: &str| place.split('/').next().unwrap_or_default().to_owned();
+    let first = package(places.first().ok_or(usage)?);
+    if places.iter().any(|place| package(place) != first) {
+        return Err(format!("{places:?} are of several crates"));
+    }
+    let files = places.iter().filter(|place| place.ends_with(".rs")).cloned().collect();
     let day = SystemTime::UNIX_EPOCH.elapsed().map_or(0, |time| time.as_secs() / 86_400);
     let mut options =
-        Options { package, file, sample: usize::MAX, seed: day, limit: Duration::from_secs(86_400) };
-    for pair in arguments[1..].chunks(2) {
+        Options { package: first, files, sample: usize::MAX, seed: day, limit: Duration::from_secs(86_400) };
+    for pair in pairs.chunks(2) {
         let [name, value] = pair else { return Err(usage.to_owned()) };
         let value: u64 = value.parse().map_err(|_| format!("{name} {value} is no number"))?;
         match name.as_str() {
@@ -61,10 +68,9 @@ fn options(arguments: &[String]) -> Result<Options, String> {
 /// Returns a wrong argument, a file that cannot be read or written, and a crate that does not compile.
 pub(crate) fn check(root: &Path, arguments: &[String]) -> Result<usize, String> {
     let options = options(arguments)?;
-    let begun = Instant::now();
     let mut mutants = Vec::new();
     for file in sites::source_files(root, &options.package)? {
-        if options.file.as_ref().is_none_or(|only| *only == file) {
+        if options.files.is_empty() || options.files.contains(&file) {
             let text =
                 std::fs::read_to_string(root.join(&file)).map_err(|error| format!("{file}: {error}"))?;
             let sites = sites::sites(&text).map_err(|error| format!("{file}: {error}"))?;
@@ -72,22 +78,31 @@ pub(crate) fn check(root: &Path, arguments: &[String]) -> Result<usize, String> 
         }
     }
     let reasons = std::fs::read_to_string(root.join(SURVIVORS)).unwrap_or_default();
+    let stale = stale(&reasons, &options, &mutants);
+    stale.iter().for_each(|line| println!("{SURVIVORS}: no mutant of the line: {line}"));
     let chosen = drawn(mutants.len(), options.sample, options.seed);
     let folder = root.join("target/mutants");
     let tree = Tree::new(root, folder.join("tree"), &options.package)?;
     let tests_folder = folder.join("tree").join(&options.package);
-    let (mut counts, mut left_out, mut found) = ([0; 4], 0, 0);
-    for mut batch in batches(&mutants, &chosen) {
+    let (mut counts, mut left_out, mut found) = ([0; 4], 0, stale.len());
+    let mut left = options.limit;
+    for mut batch in batches(&chosen) {
         let all = batch.len();
-        if begun.elapsed() > options.limit {
+        if left.is_zero() {
             left_out += all;
             continue;
         }
         let programs = tree.build(&mutants, &mut batch)?;
         let tests = run::tests(&programs, &tests_folder)?;
-        let fates = run::fates(&batch, &tests, &tests_folder);
+        let begun = Instant::now();
+        let fates = run::fates(&batch, &tests, &tests_folder, begun + left);
+        left = left.saturating_sub(begun.elapsed());
         counts[3] += all - batch.len();
         for (&index, fate) in batch.iter().zip(fates) {
+            let Some(fate) = fate else {
+                left_out += 1;
+                continue;
+            };
             counts[fate as usize] += 1;
             let mutant = &mutants[index];
             if fate != Fate::Killed && !has_reason(&reasons, mutant) {
@@ -108,11 +123,27 @@ pub(crate) fn check(root: &Path, arguments: &[String]) -> Result<usize, String> 
     Ok(found)
 }
 
-/// Returns whether the list of survivors has a mutant.
-fn has_reason(reasons: &str, mutant: &Mutant) -> bool {
+/// Returns how the line of a mutant in [`SURVIVORS`] begins. The reason follows.
+fn line_start(mutant: &Mutant) -> String {
     let Mutant { file, function, old, new, .. } = mutant;
-    let start = format!("{file} | {function} | {old} | {} | ", flat(new));
-    reasons.lines().any(|line| line.starts_with(&start))
+    format!("{file} | {function} | {old} | {} | ", flat(new))
+}
+
+/// Returns whether the list of survivors has a reason for a mutant.
+fn has_reason(reasons: &str, mutant: &Mutant) -> bool {
+    let start = line_start(mutant);
+    reasons.lines().any(|line| line.strip_prefix(&start).is_some_and(|reason| !reason.trim().is_empty()))
+}
+
+/// Returns the lines of the list of survivors that are about the files or the crate of the options, and about
+/// none of its mutants.
+fn stale<'a>(reasons: &'a str, options: &Options, mutants: &[Mutant]) -> Vec<&'a str> {
+    let crate_alone = [format!("{}/", options.package)];
+    let places = if options.files.is_empty() { &crate_alone[..] } else { &options.files };
+    let starts: Vec<String> = mutants.iter().map(line_start).collect();
+    let is_about = |line: &&str| places.iter().any(|place| line.starts_with(place));
+    let lines = reasons.lines().filter(is_about);
+    lines.filter(|line| !starts.iter().any(|start| line.starts_with(start))).collect()
 }
 
 /// Draws `sample` of the numbers below `count` without replacement, sorted; all, if there are no more.
@@ -133,7 +164,26 @@ fn drawn(count: usize, sample: usize, seed: u64) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
-    use super::drawn;
+    use super::{Options, drawn, has_reason, schemata, sites, stale};
+    use std::time::Duration;
+
+    #[test]
+    fn reasons_are_those_of_mutants() -> Result<(), String> {
+        let text = "fn f(a: f32) -> bool { a < 1.0 }";
+        let mutants = schemata::mutants("c/src/f.rs", text, &sites::sites(text)?);
+        let reasons = "c/src/f.rs | f | a < 1.0 | a <= 1.0 | equal is as good\n\
+                       c/src/f.rs | f | a < 2.0 | a <= 2.0 | of a line that is gone\nd/src/f.rs | f |";
+        assert!(has_reason(reasons, &mutants[0]), "a line with a reason");
+        assert!(!has_reason("c/src/f.rs | f | a < 1.0 | a <= 1.0 |  ", &mutants[0]), "a line without one");
+        let (package, limit) = ("c".to_owned(), Duration::ZERO);
+        let mut options = Options { package, files: Vec::new(), sample: 1, seed: 1, limit };
+        for files in [Vec::new(), vec!["c/src/f.rs".to_owned()]] {
+            options.files = files;
+            let lines = stale(reasons, &options, &mutants);
+            assert!(matches!(lines[..], [line] if line.ends_with("gone")), "stale lines: {lines:?}");
+        }
+        Ok(())
+    }
 
     #[test]
     fn samples_depend_on_the_seed() {

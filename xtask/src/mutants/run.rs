@@ -89,9 +89,9 @@ pub(crate) fn tests(programs: &[Program], folder: &Path) -> Result<Vec<Test>, St
     Ok(ran.into_iter().flatten().collect())
 }
 
-/// Returns the fate of each mutant, given by its index.
-pub(crate) fn fates(mutants: &[usize], tests: &[Test], folder: &Path) -> Vec<Fate> {
-    in_parallel(mutants.len(), |number| fate(mutants[number], tests, folder))
+/// Returns the fate of each mutant, given by its index. `None` for those whose turn comes after `end`.
+pub(crate) fn fates(mutants: &[usize], tests: &[Test], folder: &Path, end: Instant) -> Vec<Option<Fate>> {
+    in_parallel(mutants.len(), |number| (Instant::now() < end).then(|| fate(mutants[number], tests, folder)))
 }
 
 /// Runs the tests that reach a mutant, quick ones first, until one of them fails.

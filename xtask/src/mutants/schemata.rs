@@ -4,7 +4,8 @@
 //! Based on: R. H. Untch, A. J. Offutt, M. J. Harrold, "Mutation analysis using mutant schemata", 1993.
 
 use super::sites::{Site, source_files};
-use std::collections::BTreeMap;
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -19,6 +20,8 @@ pub(crate) struct Mutant {
     pub(crate) line: usize,
     /// Bytes of the expression in the text of the file.
     range: Range<usize>,
+    /// Text before the expression, see [`Site::prefix`].
+    prefix: String,
     pub(crate) old: String,
     pub(crate) new: String,
 }
@@ -34,6 +37,7 @@ pub(crate) fn mutants(file: &str, text: &str, sites: &[Site]) -> Vec<Mutant> {
             function: function.clone(),
             line,
             range: range.clone(),
+            prefix: site.prefix.clone(),
             old: old.clone(),
             new: new.clone(),
         };
@@ -47,23 +51,12 @@ pub(crate) fn flat(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Divides mutants, given by their indices, into batches in which no expression holds another one. Mutants of
-/// one expression share a batch.
-pub(crate) fn batches(mutants: &[Mutant], chosen: &[usize]) -> Vec<Vec<usize>> {
-    let mut batches: Vec<Vec<usize>> = Vec::new();
-    let fits = |batch: &Vec<usize>, new: &Mutant| {
-        batch.iter().map(|&index| &mutants[index]).all(|old| {
-            let apart = old.range.end <= new.range.start || new.range.end <= old.range.start;
-            old.file != new.file || old.range == new.range || apart
-        })
-    };
-    for &index in chosen {
-        match batches.iter_mut().find(|batch| fits(batch, &mutants[index])) {
-            Some(batch) => batch.push(index),
-            None => batches.push(vec![index]),
-        }
-    }
-    batches
+/// Largest number of mutants that are compiled into one program.
+const BATCH: usize = 512;
+
+/// Divides mutants, given by their indices, into batches of at most [`BATCH`].
+pub(crate) fn batches(chosen: &[usize]) -> Vec<Vec<usize>> {
+    chosen.chunks(BATCH).map(<[usize]>::to_vec).collect()
 }
 
 /// Module that each mutated crate is given: `on(k)` tells whether the mutant `k` is switched on. If the word
@@ -98,27 +91,50 @@ struct Mutated {
     expressions: Vec<(Range<usize>, Vec<usize>)>,
 }
 
-/// Returns the text of a file in which the mutants of a batch can be switched on.
+/// Returns the text of a file in which the mutants of a batch can be switched on. Of an expression that holds
+/// others, the mutants stand beside the expression in which those of the others are switched.
 fn mutated(text: &str, mutants: &[Mutant], batch: &[usize]) -> Mutated {
-    let mut by_range: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    batch.iter().for_each(|&index| by_range.entry(mutants[index].range.start).or_default().push(index));
+    let mut by_range: BTreeMap<(usize, Reverse<usize>), Vec<usize>> = BTreeMap::new();
+    for &index in batch {
+        let Range { start, end } = mutants[index].range;
+        by_range.entry((start, Reverse(end))).or_default().push(index);
+    }
+    let mut sites: VecDeque<Vec<usize>> = by_range.into_values().collect();
     let mut result = Mutated { text: String::new(), expressions: Vec::new() };
-    let mut done = 0;
-    for list in by_range.into_values() {
-        let Range { start, end } = mutants[list[0]].range.clone();
-        result.text += &text[done..start];
+    append(0..text.len(), text, mutants, &mut sites, &mut result);
+    result
+}
+
+/// Appends the part `range` of a text to the result, with the sites that begin in it: mutants of one
+/// expression each, in order of their beginnings, the longer of two that begin together first.
+fn append(
+    range: Range<usize>,
+    text: &str,
+    mutants: &[Mutant],
+    sites: &mut VecDeque<Vec<usize>>,
+    result: &mut Mutated,
+) {
+    let mut done = range.start;
+    while sites.front().is_some_and(|list| mutants[list[0]].range.start < range.end) {
+        let Some(list) = sites.pop_front() else { break };
+        let Mutant { range, prefix, .. } = &mutants[list[0]];
+        result.text += &text[done..range.start];
         let begin = result.text.len();
+        result.text += prefix;
         result.text.push('(');
         for &index in &list {
             result.text +=
                 &format!("if crate::mutant_switch::on({index}) {{ {} }} else ", mutants[index].new);
         }
-        result.text += &format!("{{ {} }})", &text[start..end]);
+        // A margin may be a reference, which the factor makes a value in this branch as in the others.
+        let is_margin = list.iter().any(|&index| mutants[index].new.starts_with("0."));
+        result.text += if is_margin { "{ 1.0 * " } else { "{ " };
+        append(range.clone(), text, mutants, sites, result);
+        result.text += " })";
         result.expressions.push((begin..result.text.len(), list));
-        done = end;
+        done = range.end;
     }
-    result.text += &text[done..];
-    result
+    result.text += &text[done..range.end];
 }
 
 /// Copy of the workspace in which one crate is mutated.
@@ -155,23 +171,20 @@ impl Tree {
             if errors.is_empty() {
                 return Ok(programs);
             }
-            let is_wrong = |file: &str, range: &Range<usize>| {
-                errors.iter().any(|(name, bytes)| {
-                    name == file && bytes.start < range.end && range.start < bytes.end.max(bytes.start + 1)
-                })
-            };
             let mut wrong = Vec::new();
-            for (file, mutated) in &files {
-                for (range, list) in &mutated.expressions {
-                    if is_wrong(file, range) {
-                        wrong.extend_from_slice(list);
-                    }
-                }
+            for (name, bytes) in &errors {
+                // The smallest expression that the error is in: those around it have no part in it.
+                let expressions = files.get(name).into_iter().flat_map(|mutated| &mutated.expressions);
+                let is_met = |range: &Range<usize>| {
+                    bytes.start < range.end && range.start < bytes.end.max(bytes.start + 1)
+                };
+                let met = expressions.filter(|(range, _)| is_met(range));
+                wrong.extend(met.min_by_key(|(range, _)| range.len()).into_iter().flat_map(|(_, list)| list));
             }
             if wrong.is_empty() {
                 return Err(format!("{} does not compile: {:?}", self.package, errors.first()));
             }
-            batch.retain(|index| !wrong.contains(index));
+            batch.retain(|index| !wrong.contains(&index));
         }
     }
 
@@ -244,18 +257,21 @@ mod tests {
     fn mutants_of_a_batch_are_switched() -> Result<(), String> {
         let text = "fn f(a: f32, slack: f32) -> bool { a < slack }";
         let mutants = mutants("f.rs", text, &sites(text)?);
-        let batches = batches(&mutants, &[0, 1, 2]);
-        assert_eq!(batches, [vec![0], vec![1, 2]], "a margin within a comparison is in another batch");
-        let texts = batches.iter().map(|batch| mutated(text, &mutants, batch).text);
+        let texts = [&[0][..], &[1, 2], &[0, 1, 2]].map(|batch| mutated(text, &mutants, batch).text);
         let on = "if crate::mutant_switch::on";
         let expected = [
             format!("fn f(a: f32, slack: f32) -> bool {{ ({on}(0) {{ a <= slack }} else {{ a < slack }}) }}"),
             format!(
                 "fn f(a: f32, slack: f32) -> bool {{ a < \
-                 ({on}(1) {{ 0.0 * slack }} else {on}(2) {{ 0.5 * slack }} else {{ slack }}) }}"
+                 ({on}(1) {{ 0.0 * slack }} else {on}(2) {{ 0.5 * slack }} else {{ 1.0 * slack }}) }}"
+            ),
+            format!(
+                "fn f(a: f32, slack: f32) -> bool {{ ({on}(0) {{ a <= slack }} else {{ a < \
+                 ({on}(1) {{ 0.0 * slack }} else {on}(2) {{ 0.5 * slack }} else {{ 1.0 * slack }}) }}) }}"
             ),
         ];
-        assert_eq!(texts.collect::<Vec<_>>(), expected, "texts with switches");
+        assert_eq!(texts, expected, "texts with switches");
+        assert_eq!(batches(&[3; 1000]).len(), 2, "batches of a thousand mutants");
         Ok(())
     }
 }

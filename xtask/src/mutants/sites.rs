@@ -14,6 +14,9 @@ pub(crate) struct Site {
     pub(crate) function: String,
     /// Bytes of the expression in the text of the file.
     pub(crate) range: Range<usize>,
+    /// Text before the expression where it is switched: name and colon of a field that is written as its name
+    /// alone, else empty.
+    pub(crate) prefix: String,
     /// Mutated expressions, as Rust text.
     pub(crate) mutants: Vec<String>,
 }
@@ -54,7 +57,8 @@ struct Finder<'a> {
 impl Finder<'_> {
     /// Adds a site with at least one mutation.
     fn add(&mut self, range: Range<usize>, mutants: Vec<String>) {
-        self.sites.push(Site { function: self.function.clone(), range, mutants });
+        let (function, prefix) = (self.function.clone(), String::new());
+        self.sites.push(Site { function, range, prefix, mutants });
     }
 
     /// Adds a margin as a site: it becomes nothing, and half of itself.
@@ -154,7 +158,8 @@ impl<'ast> Visit<'ast> for Finder<'_> {
         }
         let is_assignment = binary.op.span().byte_range().len() > 1
             && self.text[binary.op.span().byte_range()].ends_with('=')
-            && other.is_none();
+            && other.is_none()
+            && !matches!(binary.op, BinOp::Eq(_) | BinOp::Ne(_));
         if is_assignment {
             self.visit_expr(&binary.right);
         } else {
@@ -186,6 +191,16 @@ impl<'ast> Visit<'ast> for Finder<'_> {
             self.add_margin(&Expr::Call(call.clone()), &last.ident.to_string());
         }
         call.args.iter().for_each(|argument| self.visit_expr(argument));
+    }
+
+    fn visit_field_value(&mut self, field: &'ast syn::FieldValue) {
+        let begin = self.sites.len();
+        self.visit_expr(&field.expr);
+        if field.colon_token.is_none() {
+            self.sites[begin..].iter_mut().for_each(|site| {
+                site.prefix = format!("{}: ", &self.text[site.range.clone()]);
+            });
+        }
     }
 
     fn visit_expr_path(&mut self, path: &'ast ExprPath) {
@@ -232,6 +247,13 @@ mod tests {
             ("slack", "0.5 * slack"),
         ];
         assert_eq!(found, expected.map(|(a, b)| (a.to_owned(), b.to_owned())), "sites of one function");
+        for (text, count) in [("slack == a", 1), ("slack != a", 1), ("slack += a", 0), ("a += slack", 1)] {
+            let found = sites(&format!("fn f() {{ {text}; }}")).map(|found| found.len());
+            assert_eq!(found, Ok(count), "sites of {text}");
+        }
+        let text = "fn f(slack: f32) -> S { S { a: slack, slack } }";
+        let prefixes = sites(text).unwrap_or_default().into_iter().map(|site| site.prefix);
+        assert_eq!(prefixes.collect::<Vec<_>>(), ["", "slack: "], "a field and one written as its name");
         assert!(sites("fn f( {").is_err(), "text that is not Rust is refused");
     }
 }
