@@ -81,8 +81,8 @@ pub(crate) fn check(root: &Path, arguments: &[String]) -> Result<usize, String> 
     if options.planted {
         return planted::check(root, &options.only);
     }
-    let begun = Instant::now();
     let trials = trials(root, &options.only)?;
+    let begun = Instant::now();
     let state = Mutex::new(State::load(root)?);
     let running = Mutex::new(BTreeSet::new());
     let saved = Mutex::new(Instant::now());
