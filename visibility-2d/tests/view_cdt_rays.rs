@@ -7,7 +7,7 @@ use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 use visibility_core::occlusion::Occlusion;
 use visibility_core::view::{Depth, Window};
 use visibility_core::{Aabb, OccluderMesh, OcclusionMap, Pose, View};
-use visibility_testing::Random;
+use visibility_testing::{Random, judged};
 
 /// Makes a ball whose vertices are moved inwards by up to the fraction `dent` of its radius.
 fn ball(random: &mut Random, dent: f64) -> Option<OccluderMesh> {
@@ -181,14 +181,6 @@ fn run(rounds: usize, seed: u64) -> [u64; 2] {
 #[test]
 fn what_the_image_hides_no_ray_reaches() {
     let [hidden, rays] = run(6_000, 1);
-    println!("{hidden} boxes hidden, {rays} rays");
+    judged(rays);
     assert!(hidden > 8_000 && rays > 40_000, "{hidden} boxes, {rays} rays are no test");
-}
-
-#[test]
-#[ignore = "long: a million rounds"]
-fn what_the_image_hides_no_ray_reaches_long() {
-    for seed in 2..102 {
-        run(10_000, seed);
-    }
 }

@@ -6,10 +6,10 @@ use visibility_core::{
     Aabb, ObjectId, Pipeline, Pose, Scene, View, VisibleSet, geometry::Plane, simd::Simd, view::Depth,
 };
 use visibility_frame::casters::{CasterCuller, Light, LightError};
-use visibility_testing::Random;
 use visibility_testing::cameras::{
     Camera, DEPTHS, power_of_two, projection, random_camera, random_projection,
 };
+use visibility_testing::{Random, judged};
 
 /// A view given by its parameters, from which points in view are computed without the crate's code.
 #[derive(Clone, Copy, Debug)]
@@ -208,7 +208,7 @@ fn no_blocker_of_ten_thousand_rays_is_left_out() {
         sum.rays += found.rays;
     }
     for Shadows { kept, needed, all, rays } in total {
-        eprintln!("{rays} rays: {needed} of {all} hit, {kept} kept");
+        judged(rays as u64);
         assert!(rays > 50_000 && needed > 250, "too easy: {rays} rays, {needed} of {all} hit");
         assert!(kept * 3 < all * 2, "too little is culled: {kept} of {all} kept");
     }
@@ -529,7 +529,7 @@ fn receivers_leave_fewer_casters_and_no_blocker_out() {
         fewer += some.count(&scene);
         more += all.count(&scene);
     }
-    eprintln!("{fewer} of {more} kept, {needed} needed");
+    judged(needed as u64);
     assert!(fewer * 2 < more && needed * 2 > fewer && needed > 100, "{fewer} of {more}, {needed} needed");
 }
 

@@ -8,7 +8,7 @@ use crate::common::{Face, Occluder, covered_pixels, draw, faces, occluder, view}
 use visibility_core::glam::{DVec2, DVec3, DVec4};
 use visibility_core::{View, view::Depth};
 use visibility_hzb::Hzb;
-use visibility_testing::Random;
+use visibility_testing::{Random, judged};
 
 /// Returns the part of a convex polygon where the linear function `inside` is not negative. `mix`
 /// interpolates between two corners by a fraction from 0 to 1. Empty if the function is negative at all
@@ -146,6 +146,6 @@ fn nothing_of_a_covered_pixel_is_bare() {
         let hzb = draw(Hzb::new(size[0], size[1]).unwrap(), &occluders, &view);
         pixels += check(&occluders, &view, &hzb, &format!("round {round}"));
     }
-    println!("{pixels} covered pixels");
+    judged(pixels as u64);
     assert!(pixels > 100_000, "too little is covered: {pixels}");
 }

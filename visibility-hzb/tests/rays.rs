@@ -5,7 +5,7 @@ use crate::common::{Face, Occluder, Ray, covered_pixels, draw, faces, occluder, 
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, OccluderMesh, Pose, View};
 use visibility_hzb::Hzb;
-use visibility_testing::Random;
+use visibility_testing::{Random, judged};
 
 /// Returns sample points of a pixel, relative to its upper left corner in pixels: the four corners moved
 /// inwards by 1e-6, the centre, and a random point.
@@ -143,5 +143,5 @@ fn covered_pixels_are_covered_and_no_farther_than_they_say() {
         rounds += 1;
         assert!(rounds < 40_000, "too little is covered: {pixels} pixels");
     }
-    println!("{rounds} scenes, {pixels} covered pixels, {samples} rays");
+    judged(samples);
 }

@@ -12,7 +12,7 @@ use visibility_portals::from_geometry::{
     PolygonSettings, Subdivision, WallSettings, from_polygons, from_walls,
 };
 use visibility_portals::{BakerSettings, CellBaker, ObjectBaker, PortalEye, SceneCells};
-use visibility_testing::Random;
+use visibility_testing::{Random, judged};
 
 /// Cells made from geometry, with all that is baked from them for the objects of a scene.
 struct Level {
@@ -297,7 +297,7 @@ fn search_yards(seed: u64, levels: usize) -> [usize; 2] {
 #[test]
 fn what_a_segment_past_the_walls_reaches_is_reported() {
     let [reached, hidden] = search_yards(5, 18);
-    println!("{reached} reached, {hidden} hidden");
+    judged((reached + hidden) as u64);
     assert!(reached > 500 && hidden > 100, "{reached} reached, {hidden} hidden: too few to tell");
 }
 
@@ -354,6 +354,6 @@ fn search_slots(seed: u64, levels: usize) -> usize {
 #[test]
 fn what_a_segment_through_a_slot_reaches_is_reported() {
     let passed = search_slots(6, 60);
-    println!("{passed} passed");
+    judged(passed as u64);
     assert!(passed > 500, "{passed} segments through slots are too few to tell");
 }

@@ -5,7 +5,7 @@ use crate::maze::{Camera, Maze, Style};
 use visibility_core::glam::DVec3;
 use visibility_core::{Culler, FrustumCuller, VisibleSet};
 use visibility_portals::{Narrowing, NotCulled, PortalEye};
-use visibility_testing::Random;
+use visibility_testing::{Random, judged};
 
 #[derive(Default, Debug)]
 struct Tally {
@@ -125,7 +125,7 @@ fn check(seed: u64, sizes: [usize; 3], style: Style, mazes: u32, views: u32, ray
         tally.outside * 4 < tally.frames && tally.many_starts > 0 && tally.crossed * 2 > tally.frames,
         "{tally:?}"
     );
-    println!("{tally:?}");
+    judged(tally.rays);
     tally
 }
 

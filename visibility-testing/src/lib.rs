@@ -20,6 +20,7 @@ mod random;
 mod slabs;
 mod slots;
 pub mod swapped;
+mod trials;
 
 pub use distance::distance;
 pub use ends::{End, UNIT, ends, ends_f32};
@@ -32,3 +33,4 @@ pub use plain_map::PlainMap;
 pub use random::Random;
 pub use slabs::is_clear;
 pub use slots::{SlotScene, SlotSearch};
+pub use trials::judged;

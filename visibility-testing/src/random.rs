@@ -4,16 +4,18 @@ use visibility_core::Aabb;
 use visibility_core::glam::{DVec3, Vec3};
 
 /// Random number generator: [`visibility_core::random`] with the kinds of draws that tests need. The field is
-/// the seed; any seed is permitted.
+/// the seed; any seed is permitted. The variable `TRIAL_SEED` of the environment, a number, makes all
+/// generators draw others: see [`judged`](crate::judged).
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 
 impl Random {
     /// Returns 64 random bits.
     pub fn bits(&mut self) -> u64 {
-        let mut random = visibility_core::random::Random(self.0);
+        let shift = crate::trials::shift();
+        let mut random = visibility_core::random::Random(self.0.wrapping_add(shift));
         let bits = random.bits();
-        self.0 = random.0;
+        self.0 = random.0.wrapping_sub(shift);
         bits
     }
 

@@ -264,10 +264,10 @@ impl SlotScene {
         self.scene.set_mesh(id, mesh, Affine3A::IDENTITY).expect("the object has just been inserted");
     }
 
-    /// Runs a culler on `trials` scenes of a seed, starting with scene number `first`.
-    pub fn search(culler: &mut dyn RegionCuller, seed: u64, first: usize, trials: usize) -> SlotSearch {
+    /// Runs a culler on the first `trials` scenes of a seed.
+    pub fn search(culler: &mut dyn RegionCuller, seed: u64, trials: usize) -> SlotSearch {
         let mut search = SlotSearch::default();
-        for number in first..first + trials {
+        for number in 0..trials {
             let world = Self::numbered(seed, number);
             let mut visible = VisibleSet::new();
             culler.cull(&world.scene, &world.cell, &mut visible);

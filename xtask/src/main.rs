@@ -1,5 +1,5 @@
 //! Checks of the workspace beyond those of the compiler: `cargo run -p xtask -- (api | assertions | cycles |
-//! figures | licenses | modules | mutants | package | width)`.
+//! figures | licenses | modules | mutants | package | torture | width)`.
 
 mod api;
 mod assertions;
@@ -13,6 +13,8 @@ mod mutants;
 mod package;
 mod public_items;
 mod signature;
+mod test_programs;
+mod torture;
 
 use crate::crates::{crates, rust_files};
 use std::path::{Path, PathBuf};
@@ -34,9 +36,10 @@ fn main() -> ExitCode {
         "modules" => check_modules(root),
         "mutants" => mutants::check(root, &std::env::args().skip(2).collect::<Vec<_>>()),
         "package" => package::check(root),
+        "torture" => torture::check(root, &std::env::args().skip(2).collect::<Vec<_>>()),
         "width" => check_width(root),
         _ => Err("usage: cargo run -p xtask -- (api [--write] | assertions | cycles | figures [--write] | \
-                  licenses | modules | mutants (CRATE | FILE...) | package | width)"
+                  licenses | modules | mutants (CRATE | FILE...) | package | torture | width)"
             .to_owned()),
     };
     match found {

@@ -6,7 +6,7 @@
 //! and hundreds of mutants are compiled at once.
 
 mod run;
-mod schemata;
+pub(crate) mod schemata;
 mod sites;
 
 use run::Fate;

@@ -2,6 +2,7 @@
 //! then, for a mutant, those that reach it.
 
 use super::schemata::Program;
+use crate::test_programs::test_names;
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -62,11 +63,8 @@ fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T
 pub(crate) fn tests(programs: &[Program], folder: &Path) -> Result<Vec<Test>, String> {
     let mut names = Vec::new();
     for program in programs {
-        let list = Command::new(program).args(["--list", "--format=terse"]).current_dir(folder).output();
-        let list = list.map_err(|error| format!("{}: {error}", program.display()))?.stdout;
-        let text = String::from_utf8_lossy(&list).into_owned();
-        let own = text.lines().filter_map(|line| line.strip_suffix(": test"));
-        names.extend(own.map(|name| (program.clone(), name.to_owned())));
+        let own = test_names(program)?.into_iter();
+        names.extend(own.map(|name| (program.clone(), name)));
     }
     let ran = in_parallel(names.len(), |number| {
         let (program, name) = names[number].clone();

@@ -26,6 +26,18 @@ pub(crate) struct Mutant {
     pub(crate) new: String,
 }
 
+impl Mutant {
+    /// Makes a mutant of the first expression `old` behind the head of a function in the text of a file.
+    /// `None` if there is none.
+    pub(crate) fn at(file: &str, text: &str, function: &str, old: &str, new: &str) -> Option<Self> {
+        let head = text.find(&format!("fn {function}"))?;
+        let start = head + text[head..].find(old)?;
+        let line = text[..start].matches('\n').count() + 1;
+        let [file, function, old, new] = [file, function, old, new].map(str::to_owned);
+        Some(Self { file, function, line, range: start..start + old.len(), prefix: String::new(), old, new })
+    }
+}
+
 /// Returns the mutants of a file with the given text, in the order of its sites.
 pub(crate) fn mutants(file: &str, text: &str, sites: &[Site]) -> Vec<Mutant> {
     let of_site = |site: &Site| {

@@ -1,0 +1,60 @@
+//! Faults that are planted on purpose, and the number of trials until a test notices each.
+
+use super::{Trial, run};
+use crate::mutants::schemata::{Mutant, Tree};
+use crate::test_programs::TestProgram;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Faults, one on a line: test with the crate's name before it, file, function, expression, and what stands in
+/// its place, divided by ` | `.
+const FAULTS: &str = "xtask/faults.txt";
+/// Seeds with which a test runs before a fault counts as not noticed.
+const SEEDS: u64 = 20;
+
+/// Plants each fault of [`FAULTS`] that has `only` in its line, prints how many trials its test needs to fail,
+/// and returns the number of faults that no trial noticed.
+pub(super) fn check(root: &Path, only: &str) -> Result<usize, String> {
+    let path = root.join(FAULTS);
+    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let mut by_package: BTreeMap<String, Vec<(String, Mutant)>> = BTreeMap::new();
+    for line in text.lines().filter(|line| !line.is_empty() && !line.starts_with('#') && line.contains(only))
+    {
+        let parts: Vec<&str> = line.split(" | ").collect();
+        let [name, file, function, old, new] = parts[..] else {
+            return Err(format!("{FAULTS}: {line}: not five parts"));
+        };
+        let (package, test) = name.split_once(' ').ok_or_else(|| format!("{FAULTS}: {name}: no test"))?;
+        let text = std::fs::read_to_string(root.join(file)).map_err(|error| format!("{file}: {error}"))?;
+        let mutant = Mutant::at(file, &text, function, old, new)
+            .ok_or_else(|| format!("{FAULTS}: {file}: {function} has no `{old}`"))?;
+        by_package.entry(package.to_owned()).or_default().push((test.to_owned(), mutant));
+    }
+    println!("| fault | test | noticed within |\n|---|---|---:|");
+    let mut missed = 0;
+    for (package, faults) in by_package {
+        let folder = root.join("target/mutants/tree");
+        let tree = Tree::new(root, folder.clone(), &package)?;
+        let mutants: Vec<Mutant> = faults.iter().map(|(_, mutant)| mutant.clone()).collect();
+        let mut batch: Vec<usize> = (0..mutants.len()).collect();
+        let programs = tree.build(&mutants, &mut batch)?;
+        if batch.len() < mutants.len() {
+            return Err(format!("{package}: {} faults do not compile", mutants.len() - batch.len()));
+        }
+        let path = programs.iter().find(|path| path.to_string_lossy().contains("/main-"));
+        let path = path.ok_or_else(|| format!("{package} has no integration tests"))?.clone();
+        let program = TestProgram { path, folder: folder.join(&package), package: package.clone() };
+        for (number, (test, mutant)) in faults.into_iter().enumerate() {
+            let trial = Trial { program: program.clone(), test };
+            let of_seed =
+                run(&trial, 0, &[]).ok_or_else(|| format!("{} fails without a fault", trial.name()))?;
+            let fault = [("MUTANT", number.to_string())];
+            let seeds = (0..SEEDS).position(|seed| run(&trial, seed, &fault).is_none());
+            let within = seeds.map_or("not noticed".to_owned(), |n| ((n as u64 + 1) * of_seed).to_string());
+            let Mutant { file, function, old, new, .. } = mutant;
+            println!("| `{file}`, `{function}`: `{old}` to `{new}` | `{}` | {within} |", trial.test);
+            missed += usize::from(seeds.is_none());
+        }
+    }
+    Ok(missed)
+}
