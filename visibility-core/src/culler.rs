@@ -81,17 +81,19 @@ pub struct Lack {
 }
 
 impl Lack {
-    /// Reports occluders of `scene` that cullers cannot use. Calls `each` up to four times: with the number
+    /// Reports occluders of `scene` that cullers cannot use. Calls `each` up to five times: with the number
     /// of occluders without a mesh, of occluders whose mesh reaches out of their bounds, of objects with an
-    /// occluder mesh that are not flagged as occluders, and of occluders that are [never
-    /// culled](crate::Object::is_unculled). Numbers that are 0 are not reported. Takes time in proportion to
-    /// the objects that are never culled.
+    /// occluder mesh that are not flagged as occluders, of occluders that are [never
+    /// culled](crate::Object::is_unculled), and of occluders that [fade](crate::scene::DrawRange::fades).
+    /// Numbers that are 0 are not reported. Takes time in proportion to the objects that are never culled and
+    /// to a sixtieth of all others.
     pub fn of_occluders(scene: &Scene, each: &mut dyn FnMut(Self)) {
         for (what, count) in [
             ("occluders without a mesh", scene.occluders_without_mesh()),
             ("occluders with a mesh outside their bounds", scene.occluders_outside_bounds()),
             ("objects with an occluder mesh but without the flag of an occluder", scene.unflagged_meshes()),
             ("occluders that are never culled, and hide nothing", scene.unculled_occluders()),
+            ("occluders that fade by their draw range, and hide nothing", scene.fading_occluders()),
         ] {
             each_of(what, count, each);
         }

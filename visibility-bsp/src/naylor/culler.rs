@@ -196,7 +196,7 @@ impl Frame<'_> {
                     && object.layers & self.view.layers() != 0
                     && self.visible.contains(self.scene, id) =>
             {
-                let occluder = object.occluder && !object.is_unculled();
+                let occluder = self.scene.can_occlude(id);
                 let surface = Surface { occluder, one_sided: object.one_sided };
                 ObjectState::Hidden { surface, glimpsed: false }
             }

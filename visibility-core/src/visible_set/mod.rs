@@ -597,13 +597,13 @@ impl VisibleSet {
         leaves.map(|&leaf| u64::from(scene.lanes_on_layers(leaf as usize, self.layers).count_ones())).sum()
     }
 
-    /// Calls `each` for the objects of the set that are flagged as occluders, in the order of the hierarchy.
-    /// Objects that are never culled are left out, even if flagged.
+    /// Calls `each` for the objects of the set that [can occlude](Scene::can_occlude), in the order of the
+    /// hierarchy: those flagged as occluders, without those that are never culled or fade.
     pub fn for_each_occluder(&self, scene: &Scene, mut each: impl FnMut(ObjectId)) {
         let mut walk = self.leaves(scene);
         loop {
             if scene.tree().root != NONE {
-                for lane in lanes(walk.mask & scene.tree().occluders[walk.leaf]) {
+                for lane in lanes(walk.mask & scene.tree().occluding(walk.leaf)) {
                     each(walk.ids[lane]);
                 }
             }
