@@ -9,6 +9,7 @@ mod split_scratch;
 pub use result::BitsError;
 pub(crate) use split_scratch::{NewMasks, Part, SplitScratch};
 
+use crate::binary_format::Fingerprint;
 use crate::bits::Bits;
 use crate::scene::{NONE, Token, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, View, stamp::Stamp};
@@ -609,6 +610,19 @@ impl VisibleSet {
             }
             if !walk.next_leaf() {
                 return;
+            }
+        }
+    }
+
+    /// Returns a hash of the objects of the set, by their places in the [layout](Scene::layout) of the scene,
+    /// and of the set's layers. Takes some nanoseconds for each leaf with an object of the set.
+    pub(crate) fn fingerprint(&self, scene: &Scene) -> Fingerprint {
+        let mut hash = Fingerprint::new().with(self.layers);
+        let mut walk = self.leaves(scene);
+        loop {
+            hash = hash.with(walk.leaf as u32).with_u64(walk.mask);
+            if !walk.next_leaf() {
+                return hash;
             }
         }
     }
