@@ -174,6 +174,14 @@ pub trait Culler {
     /// nothing.
     fn for_each_lack(&self, _scene: &Scene, _each: &mut dyn FnMut(Lack)) {}
 
+    /// Returns whether the culler hides objects behind objects of the set. A culler that [follows draw
+    /// ranges](Self::follows_draw_ranges) must come before it in a [`Pipeline`](crate::Pipeline), and the
+    /// pipeline reports it as a lack otherwise. False by default. A culler that wraps another must return the
+    /// answer of the wrapped culler.
+    fn hides_behind_objects(&self) -> bool {
+        false
+    }
+
     /// Returns whether the culler hides objects outside their [draw ranges](Scene::set_draw_range). If no
     /// culler of a [`Pipeline`](crate::Pipeline) does, the pipeline reports draw ranges as a lack. False by
     /// default. A culler that wraps another must return the answer of the wrapped culler.

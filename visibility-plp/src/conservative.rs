@@ -239,6 +239,10 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         Accuracy::Conservative.and(self.map.accuracy())
     }
 
+    fn hides_behind_objects(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         if !self.scene.is_in(scene) {
             self.map.reset();

@@ -137,6 +137,10 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
         Accuracy::Exact
     }
 
+    fn hides_behind_objects(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let Self { shared, stale, stack, scratch } = self;
         let shared = (*shared).borrow();

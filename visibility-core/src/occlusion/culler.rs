@@ -265,6 +265,10 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         self.map.accuracy()
     }
 
+    fn hides_behind_objects(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.cull_with(None, scene, view, visible)
     }

@@ -126,3 +126,30 @@ fn a_range_that_is_set_or_taken_away_counts_from_the_next_frame_on() {
         assert_eq!(street.frame(90.0), (1.0, range == fading), "frame {frame}, rebuilt");
     }
 }
+
+#[test]
+fn a_stage_that_hides_behind_what_a_later_stage_removes_is_named() {
+    let occlusion = || OcclusionCuller::new(PlainMap::new(64, 64));
+    let mut street = Street::new(DrawRange { end: 100.0, ..DrawRange::ALWAYS });
+    assert_eq!(street.lacks(), [], "the stages in order");
+    let wrong = || Pipeline::new().with(FrustumCuller::new()).with(occlusion());
+    street.pipeline = wrong().with(ContributionCuller::new(1080.0, 0.0));
+    assert_eq!(street.frame(110.0), (0.0, false), "the box is hidden behind a wall that is not drawn");
+    let named = |street: &Street| {
+        let mut names = Vec::new();
+        street.pipeline.for_each_lack(&street.scene, |stage, lack| names.push((stage.to_owned(), lack)));
+        names
+    };
+    let what = "occluders that hide others before a later stage may remove them by draw range or size";
+    let name = street.pipeline.stages().nth(1).unwrap().0.to_owned();
+    assert_eq!(named(&street), [(name, Lack { what, count: 1 })], "the stage that comes too early");
+    // Each stage that comes before the last one that removes by distance is named.
+    street.pipeline = wrong()
+        .with(ContributionCuller::new(1080.0, 0.0))
+        .with(occlusion())
+        .with(ContributionCuller::new(1080.0, 2.0))
+        .with(occlusion());
+    assert_eq!(named(&street).len(), 2, "{:?}", named(&street));
+    street.scene.set_occluder(street.wall, false).unwrap();
+    assert!(street.lacks().iter().all(|lack| lack.what != what), "without occluders: {:?}", street.lacks());
+}
