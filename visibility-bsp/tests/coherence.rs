@@ -4,11 +4,9 @@
 use crate::common::{Soup, triangles_of};
 use std::sync::Arc;
 use visibility_bsp::{
-    LargeOccludersCuller, NaylorCuller, Occluders, OcclusionTree, OcclusionTreeCuller, SceneTree,
-    ShadowFrusta, ShadowFrustaCuller,
+    LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
 };
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
-use visibility_core::scene::DrawRange;
 use visibility_core::{
     Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionCuller, Pipeline, Pose, Scene,
     View, VisibleSet, occlusion::Preparation,
@@ -348,18 +346,5 @@ fn nothing_is_allocated_once_warm() {
             pipeline.cull(&soup.scene, view, &mut visible);
         }
         assert_eq!(ALLOCATIONS.get() - before, 0, "{name}");
-    }
-}
-
-#[test]
-fn what_fades_hides_nothing_from_the_exact_culler() {
-    for margin in [0.0, 20.0] {
-        let mut room = Room::new();
-        let bounds = room.scene.bounds(room.target).unwrap();
-        room.scene.set_triangles(room.target, triangles_of(&bounds)).unwrap();
-        let range = DrawRange { end: 100.0, margin, ..DrawRange::ALWAYS };
-        room.scene.set_draw_range(room.wall, range).unwrap();
-        let mut culler = NaylorCuller::new(SceneTree::new(&room.scene).unwrap());
-        assert_eq!(room.hides(&mut culler), margin == 0.0, "a wall with a margin of {margin}");
     }
 }

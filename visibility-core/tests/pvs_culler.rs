@@ -361,7 +361,7 @@ fn nothing_is_hidden_once_an_occluder_of_the_pvs_has_changed() {
             let found = seen(&mut of_named, &scene, &ids, 2.0).len();
             assert_eq!(found, 4, "{targets:?}: the flagged object is none of the named occluders");
         }
-        scene.set_occluder(ids[2], false).unwrap();
+        scene.set_bounds(ids[2], Aabb::from_arrays([22.0, 2.0, 0.0], [23.0, 2.5, 1.0])).unwrap();
         assert_eq!(seen(&mut of_named, &scene, &ids, 2.0).len(), 9, "{targets:?}: the named one has changed");
         let mut lacks = 0;
         of_named.for_each_lack(&scene, &mut |lack| lacks += lack.count);
@@ -473,20 +473,34 @@ fn changes_of_an_occluder_count_where_they_matter() {
 }
 
 #[test]
-fn another_mesh_in_the_place_of_an_occluders_mesh_counts() {
-    for is_other in [false, true] {
+fn another_mesh_or_place_of_an_occluders_mesh_counts() {
+    for (name, by, share, matters) in
+        [("the same", 0.0, 1.0, false), ("another mesh", 0.0, 0.5, true), ("another place", 0.25, 1.0, true)]
+    {
         let (mut scene, ids, pvs, viewcells) = world();
         scene.set_occluder(ids[0], true).unwrap();
         let bounds = scene.bounds(ids[0]).unwrap();
-        let mesh = |scene: &mut Scene, bounds: Aabb| {
-            let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
-            scene.set_mesh(ids[0], mesh, Affine3A::IDENTITY).unwrap();
+        let part = |share: f32| Aabb::from_arrays([0.0; 3], [0.5, 0.25 * share, 0.5]);
+        let mesh = |scene: &mut Scene, by: f32, share: f32| {
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(&part(share)).unwrap());
+            scene.set_mesh(ids[0], mesh, Affine3A::from_translation(bounds.min + Vec3::X * by)).unwrap();
         };
-        mesh(&mut scene, bounds);
+        mesh(&mut scene, 0.0, 1.0);
         let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
-        let other = Aabb::new(bounds.min, bounds.max - Vec3::Y * 0.125);
-        mesh(&mut scene, if is_other { other } else { bounds });
+        mesh(&mut scene, by, share);
         let count = seen(&mut PvsCuller::new(&shared), &scene, &ids, 2.0).len();
-        assert_eq!(count, if is_other { 10 } else { 5 }, "another mesh: {is_other}");
+        assert_eq!(count, if matters { 10 } else { 5 }, "{name}");
     }
+}
+
+#[test]
+fn a_named_occluder_that_is_no_longer_always_drawn_hides_nothing() {
+    // The occluder is named by the caller, and has neither flag nor mesh in this scene.
+    let (mut scene, ids, pvs, viewcells) = world();
+    let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
+    let shared = shared.with_occluders(&scene, [ids[0]]);
+    let mut culler = PvsCuller::new(&shared);
+    assert_eq!(seen(&mut culler, &scene, &ids, 2.0).len(), 5, "before");
+    scene.set_draw_range(ids[0], DrawRange { end: 9e9, ..DrawRange::ALWAYS }).unwrap();
+    assert_eq!(seen(&mut culler, &scene, &ids, 2.0).len(), 10, "with a draw range");
 }

@@ -32,9 +32,10 @@ impl DrawRange {
     pub const ALWAYS: Self = Self { begin: 0.0, end: f32::INFINITY, margin: 0.0 };
 
     /// Returns the opacity of an object at a distance in metres: 1 within the range, 0 outside of it and for
-    /// NaN. Within `margin` of `end`, and of `begin` unless that is 0, the opacity falls to 0 there. Without a
-    /// `margin`, draw each object that a `ContributionCuller` of `visibility-frame` leaves in the set opaque:
-    /// its hysteresis keeps objects for a while beyond the ends of their ranges, and they hide others there.
+    /// NaN. Within `margin` of `end`, and of `begin` unless that is 0, the opacity falls to 0 there. Without
+    /// a `margin`, draw each object that a `ContributionCuller` of `visibility-frame` leaves in the set
+    /// opaque: its hysteresis keeps objects for a while beyond the ends of their ranges, and they hide others
+    /// there.
     pub fn opacity(&self, distance: f32) -> f32 {
         if !(distance >= self.begin && distance <= self.end) {
             return 0.0;
@@ -45,8 +46,8 @@ impl DrawRange {
     }
 
     /// Returns whether an object with this range is transparent at some distance at which it is drawn: it has
-    /// a `margin`, and an end or a begin to fade at. Such an object [hides nothing](crate::Scene::can_occlude)
-    /// at any distance.
+    /// a `margin`, and an end or a begin to fade at. Such an object [hides
+    /// nothing](crate::Scene::can_occlude) at any distance.
     pub fn fades(&self) -> bool {
         self.margin > 0.0 && (self.begin > 0.0 || self.end < f32::INFINITY)
     }

@@ -557,8 +557,9 @@ impl Scene {
         self.tree.unculled_objects().filter(is_occluder).count()
     }
 
-    /// Returns the number of objects that are flagged as occluders and [fade](crate::scene::DrawRange::fades),
-    /// so that they hide nothing. Takes time in proportion to the number of leaves.
+    /// Returns the number of objects that are flagged as occluders and
+    /// [fade](crate::scene::DrawRange::fades), so that they hide nothing. Takes time in proportion to the
+    /// number of leaves.
     pub(crate) fn fading_occluders(&self) -> usize {
         let fading = |leaf: usize| (self.tree.occluders[leaf] & !self.tree.occluding(leaf)).count_ones();
         (0..self.tree.node_count()).map(|leaf| fading(leaf) as usize).sum()

@@ -101,8 +101,8 @@ pub struct HardwareQueries<D> {
     /// Number of frames begun so far, which is also the number of the present frame. All looks at a frame
     /// share its number.
     frame: u64,
-    /// Number of the first frame whose answers are about the present depth buffer: view, scene, candidates and
-    /// occluders have been the same since. The present frame, if it began with a look ahead.
+    /// Number of the first frame whose answers are about the present depth buffer: view, scene, candidates
+    /// and occluders have been the same since. The present frame, if it began with a look ahead.
     since: u64,
     /// View of the present frame. `None` before the first frame, and when the depth buffer will differ for
     /// another reason.
