@@ -195,7 +195,7 @@ fn shards_threads_and_stops_give_the_same_bytes() {
     let none = Viewcells::new([]);
     let nothing = SandwichBaker::new(&scene, &none, SandwichSettings::default());
     assert_eq!(assemble(&nothing, []), Ok(vec![]), "no viewcells");
-    for forged in [4, usize::MAX] {
+    for forged in [8, usize::MAX] {
         let beyond = Shard { first: forged, ..last.clone() };
         assert_eq!(assemble(&baker(), [beyond]), Err(AssembleError::Range(0)), "viewcells from {forged} on");
     }
