@@ -153,7 +153,7 @@ mod tests {
             row
         };
         let rows: Vec<Vec<u32>> = cells.iter().map(near).collect();
-        let set = BakedSet::new(scene, Viewcells::new(cells), &rows).unwrap();
+        let set = BakedSet::from_rows(scene, Viewcells::new(cells), &rows).unwrap();
         let sets = Arc::new(set.for_scene(scene).unwrap());
         let mut late = Vec::new();
         for seconds in [0.0, 0.5] {

@@ -15,6 +15,7 @@ use visibility_fuzz::mend;
 /// Scene of ten boxes, with a set and a shard for three viewcells, each as header and uncompressed content.
 struct Real {
     scene: Scene,
+    cells: Viewcells,
     files: [(Vec<u8>, Vec<u8>); 2],
 }
 
@@ -29,12 +30,12 @@ fn real() -> &'static Real {
         let cells = Viewcells::new([0.0, 1.0, 2.0].map(cell));
         let rows = [vec![0, 1, 2, 3], vec![1, 2, 3, 7], vec![1, 2, 9]];
         let shard = Shard::bake(SandwichBaker::new(&scene, &cells, SandwichSettings::default()));
-        let set = BakedSet::new(&scene, cells, &rows).expect("rows of the scene");
+        let set = BakedSet::from_rows(&scene, cells.clone(), &rows).expect("rows of the scene");
         let parts = |file: Vec<u8>| {
             let content = decompress_to_vec(&file[48..]).expect("own content");
             (file[..40].to_vec(), content)
         };
-        Real { scene, files: [set.to_bytes(), shard.to_bytes()].map(parts) }
+        Real { scene, cells, files: [set.to_bytes(), shard.to_bytes()].map(parts) }
     })
 }
 
@@ -80,6 +81,8 @@ fn ask(bytes: &[u8]) {
     if let Ok(shard) = Shard::from_bytes(bytes) {
         assert_eq!(Shard::from_bytes(&shard.to_bytes()).as_ref(), Ok(&shard), "a shard's own bytes");
         // The shards may be refused or accepted, but must not cause a panic.
-        let _ = assemble(3, [shard.clone(), shard]);
+        let Real { scene, cells, .. } = real();
+        let baker = SandwichBaker::new(scene, cells, SandwichSettings::default());
+        let _ = assemble(&baker, [shard.clone(), shard]);
     }
 }

@@ -6,9 +6,12 @@
 //!
 //! The format of the file is described in `docs/formats.md` of the repository.
 
+use crate::cell_sandwich::CellSandwich;
 use crate::deflated::{deflated, inflated};
+use crate::fingerprints::BakeSource;
 use crate::object_facts::bounds_fingerprint;
 use crate::tiled_scene::TiledScene;
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer, push_number, take_number};
@@ -61,7 +64,7 @@ const BASES: usize = 12;
 /// let mut scene = Scene::new();
 /// scene.insert(Aabb::from_arrays([5.0; 3], [6.0; 3]));
 /// let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
-/// let bytes = BakedSet::new(&scene, cells, &[vec![0]])?.to_bytes();
+/// let bytes = BakedSet::from_rows(&scene, cells, &[vec![0]])?.to_bytes();
 /// let culler = PvsCuller::new(Arc::new(BakedSet::from_bytes(&bytes)?.for_scene(&scene)?));
 /// # let _ = culler;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -109,8 +112,11 @@ pub enum BakedSetError {
         /// The first such viewcell.
         viewcell: ViewcellId,
     },
-    /// The scene has other objects than the bake, or objects at other places.
+    /// The scene has other objects than the bake, or objects at other places; or the results of a bake are of
+    /// another version of the scene.
     OtherScene,
+    /// The results of a bake are of other viewcells.
+    OtherViewcells,
     /// The set was baked from another version of the level.
     OtherVersion {
         /// Version from which the set was baked.
@@ -134,6 +140,7 @@ impl fmt::Display for BakedSetError {
                 "the set was baked from a scene with other objects, or with other triangles, occluders, flags \
                  or places of objects: bake again"
             ),
+            Self::OtherViewcells => write!(f, "the results are of other viewcells"),
             Self::OtherVersion { baked, level } => write!(
                 f,
                 "the set was baked from version {baked:016x} of the level, which is now {level:016x}: bake \
@@ -182,39 +189,87 @@ fn occluders(index_limit: usize, objects: impl Iterator<Item = (u32, Object)>) -
     bits
 }
 
+/// Returns the rows of the results of a bake.
+fn reported(found: &[CellSandwich]) -> Vec<Cow<'_, [u32]>> {
+    found.iter().map(CellSandwich::reported).collect()
+}
+
+/// Checks that results of a bake are of the level with a version, and of viewcells.
+fn check_source(source: BakeSource, version: u64, viewcells: &Viewcells) -> Result<(), BakedSetError> {
+    let present = BakeSource::new(version, viewcells);
+    if source.level != present.level {
+        return Err(BakedSetError::OtherScene);
+    }
+    if source == present { Ok(()) } else { Err(BakedSetError::OtherViewcells) }
+}
+
 impl BakedSet {
-    /// Compresses the rows of viewcells. A row lists the indices of the objects that count as visible,
+    /// Makes the set of a bake: `found` is the result for each viewcell, in order, and `source` the level and
+    /// the viewcells that it is of. Both come from a [`SandwichOutcome`](crate::SandwichOutcome), or from
+    /// [`assemble`](crate::assemble) and its baker.
+    ///
+    /// # Errors
+    /// [`BakedSetError::OtherScene`] if `source` has another [version](crate::level_version) of the level
+    /// than `scene`, as after an edit. [`BakedSetError::OtherViewcells`] if it has other viewcells. Otherwise
+    /// the errors of [`from_rows`](Self::from_rows).
+    pub fn new(
+        scene: &Scene,
+        viewcells: Viewcells,
+        source: BakeSource,
+        found: &[CellSandwich],
+    ) -> Result<Self, BakedSetError> {
+        let version = level_version(scene);
+        check_source(source, version, &viewcells)?;
+        Self::of_scene(scene, version, viewcells, &reported(found))
+    }
+
+    /// Makes the set of a bake, as [`new`](Self::new) does, for a level whose scene is not in memory.
+    ///
+    /// # Errors
+    /// The errors of [`new`](Self::new).
+    pub fn of_level(
+        level: &TiledScene<'_>,
+        viewcells: Viewcells,
+        source: BakeSource,
+        found: &[CellSandwich],
+    ) -> Result<Self, BakedSetError> {
+        check_source(source, level.version(), &viewcells)?;
+        let hashes = [level.version(), level.bounds_fingerprint()];
+        let occluders = occluders(level.index_limit(), level.objects());
+        Self::compress(level.index_limit(), hashes, occluders, viewcells, &reported(found))
+    }
+
+    /// Compresses the rows of viewcells that were found by other means than a
+    /// [`SandwichBaker`](crate::SandwichBaker). A row lists the indices of the objects that count as visible,
     /// ascending. It may be stored as the difference from the row of another viewcell that touches the row's
     /// viewcell.
+    ///
+    /// The caller promises that the rows are of the scene as it is now: nothing shows it, and the set takes
+    /// the version of this scene. Rows from before an edit hide what the edit has brought into view.
     ///
     /// # Errors
     /// [`BakedSetError::Rows`] if there is not one row for each viewcell. [`BakedSetError::Pvs`] if a row is
     /// not strictly ascending or contains an index without an object, or if the sizes exceed 32 bits.
     /// [`BakedSetError::Planes`] if a viewcell has too many planes.
-    pub fn new<R: AsRef<[u32]>>(
+    pub fn from_rows<R: AsRef<[u32]>>(
         scene: &Scene,
         viewcells: Viewcells,
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
-        let hashes = [level_version(scene), bounds_fingerprint(scene.origin(), boxes(scene))];
-        let objects = scene.ids().filter_map(|id| Some((id.index() as u32, level_object(scene, id)?.0)));
-        let occluders = occluders(scene.index_limit(), objects);
-        Self::compress(scene.index_limit(), hashes, occluders, viewcells, rows)
+        Self::of_scene(scene, level_version(scene), viewcells, rows)
     }
 
-    /// Compresses the rows of viewcells, as [`new`](Self::new) does, for a level whose scene is not in
-    /// memory.
-    ///
-    /// # Errors
-    /// The errors of [`new`](Self::new).
-    pub fn of_level<R: AsRef<[u32]>>(
-        level: &TiledScene<'_>,
+    /// Compresses rows for a scene with the version `version`.
+    fn of_scene<R: AsRef<[u32]>>(
+        scene: &Scene,
+        version: u64,
         viewcells: Viewcells,
         rows: &[R],
     ) -> Result<Self, BakedSetError> {
-        let hashes = [level.version(), level.bounds_fingerprint()];
-        let occluders = occluders(level.index_limit(), level.objects());
-        Self::compress(level.index_limit(), hashes, occluders, viewcells, rows)
+        let hashes = [version, bounds_fingerprint(scene.origin(), boxes(scene))];
+        let objects = scene.ids().filter_map(|id| Some((id.index() as u32, level_object(scene, id)?.0)));
+        let occluders = occluders(scene.index_limit(), objects);
+        Self::compress(scene.index_limit(), hashes, occluders, viewcells, rows)
     }
 
     fn compress<R: AsRef<[u32]>>(
@@ -595,7 +650,7 @@ fn class_bytes(classes: &[Vec<u32>]) -> Vec<u8> {
                 None => signed_code(i64::from(index) - i64::from(first)),
             };
             let code = number * 2 + u64::from(at + 1 < class.len());
-            // Indices are less than half of the greatest number, since `BakedSet::new` fails otherwise.
+            // Indices are less than half of the greatest number, since `BakedSet::from_rows` fails otherwise.
             push_number(code as u32, &mut bytes);
             next = Some(index + 1);
         }
@@ -680,7 +735,7 @@ mod tests {
         };
         let (min, max) = (DVec3::new(-1.0, -2.0, -3.0), DVec3::new(21.0, 12.0, 13.0));
         let divided = |planes| Viewcells::of_divided_box(rooms(planes), min, max, 0.25);
-        let made = |viewcells| BakedSet::new(&scene, viewcells, &[vec![0], vec![]]);
+        let made = |viewcells| BakedSet::from_rows(&scene, viewcells, &[vec![0], vec![]]);
         for viewcells in [Viewcells::new(rooms(PLANES)), divided(1)] {
             let set = made(viewcells.clone()).unwrap();
             let read = BakedSet::from_bytes(&set.to_bytes());

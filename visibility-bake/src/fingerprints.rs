@@ -21,6 +21,39 @@ pub(crate) fn level_fingerprint(
     viewcells.cells().iter().fold(with_settings(hash, settings), with_viewcell).value()
 }
 
+/// The level and the viewcells that the result of a bake is of, as hashes. A [`BakedSet`](crate::BakedSet) is
+/// made of results whose source is the level as it is now; results of another are refused.
+///
+/// ```
+/// use visibility_bake::{BakedSet, BakedSetError, SandwichBaker, SandwichSettings};
+/// use visibility_core::pvs::{Viewcell, Viewcells};
+/// use visibility_core::{Aabb, Scene, bake::Bake, glam::DVec3};
+/// let mut scene = Scene::new();
+/// let bounds = Aabb::from_arrays([5.0; 3], [6.0; 3]);
+/// let id = scene.insert(bounds);
+/// let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
+/// let found = Bake::new(SandwichBaker::new(&scene, &cells, SandwichSettings::default())).run();
+/// assert!(BakedSet::new(&scene, cells.clone(), found.source, &found.cells).is_ok());
+/// scene.set_bounds(id, Aabb::from_arrays([7.0; 3], [8.0; 3]))?;
+/// let refused = BakedSet::new(&scene, cells, found.source, &found.cells);
+/// assert_eq!(refused, Err(BakedSetError::OtherScene));
+/// # Ok::<(), visibility_core::scene::SceneError>(())
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct BakeSource {
+    /// [Version](crate::level_version()) of the level.
+    pub(crate) level: u64,
+    /// Hash of the viewcells, in their order.
+    pub(crate) viewcells: u64,
+}
+
+impl BakeSource {
+    /// Returns the source of results for the level with version `level` and for all of `viewcells`.
+    pub(crate) fn new(level: u64, viewcells: &Viewcells) -> Self {
+        Self { level, viewcells: viewcells.cells().iter().fold(Fingerprint::new(), with_viewcell).value() }
+    }
+}
+
 /// Adds the settings to a hash.
 pub(crate) fn with_settings(hash: Fingerprint, settings: &SandwichSettings) -> Fingerprint {
     hash.with_u64(settings.gap.to_bits()).with_u64(settings.clearance.to_bits()).with(settings.rays)

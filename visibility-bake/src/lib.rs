@@ -48,6 +48,7 @@ mod viewcell_fit;
 pub use bake_cache::BakeCache;
 pub use baked_set::{BakedSet, BakedSetError};
 pub use cell_sandwich::CellSandwich;
+pub use fingerprints::BakeSource;
 pub use found_cell::FoundCell;
 pub use free_space::CameraRange;
 pub use grid::{Grid, GridError};

@@ -2,6 +2,7 @@
 
 use crate::bake_cache::BakeCache;
 use crate::cell_sandwich::CellSandwich;
+use crate::fingerprints::BakeSource;
 use crate::level_error::LevelError;
 use crate::method_times::MethodTimes;
 
@@ -9,6 +10,8 @@ use crate::method_times::MethodTimes;
 #[derive(Clone, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub struct SandwichOutcome {
+    /// Level and viewcells that were baked.
+    pub source: BakeSource,
     /// Number of the first viewcell of the baker's range, whose result is `cells[0]`.
     pub first: usize,
     /// Result for each viewcell, in order. All objects are open in a viewcell that was not worked on.

@@ -26,7 +26,7 @@ const FORMAT: Format = Format { magic: *b"VISSHARD", version: 3 };
 /// let shard = |range| Shard::bake(baker().with_range(range));
 /// let stored = [shard(2..3).to_bytes(), shard(0..2).to_bytes()];
 /// let shards = stored.iter().map(|bytes| Shard::from_bytes(bytes)).collect::<Result<Vec<_>, _>>()?;
-/// assert_eq!(assemble(3, shards)?.len(), 3);
+/// assert_eq!(assemble(&baker(), shards)?.len(), 3);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -88,7 +88,7 @@ impl Shard {
 #[derive(Clone, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum AssembleError {
-    /// The shard at this position of the list is from another bake than the first shard: from another scene,
+    /// The shard at this position of the list is of another bake than that of the baker: of another scene,
     /// other viewcells or other settings.
     OtherBake(usize),
     /// The shard at this position of the list has viewcells beyond the last viewcell of the bake.
@@ -103,7 +103,7 @@ impl fmt::Display for AssembleError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::OtherBake(at) => {
-                write!(f, "shard {at} is of another scene, other viewcells or other settings than shard 0")
+                write!(f, "shard {at} is of another scene, other viewcells or other settings")
             }
             Self::Range(at) => write!(f, "shard {at} has viewcells beyond the last"),
             Self::Contradiction(at) => write!(f, "shard {at} contradicts an earlier shard"),
@@ -114,22 +114,22 @@ impl fmt::Display for AssembleError {
 
 impl std::error::Error for AssembleError {}
 
-/// Assembles the shards of a bake of `count` viewcells, given in any order. Several shards may contain a
-/// viewcell, for example after a part of a bake was repeated on another machine. They must then have the same
-/// result for it.
+/// Assembles the shards of the bake of a baker, given in any order. The baker is one of the level as it is
+/// now; its range does not count. Several shards may contain a viewcell, for example after a part of a bake
+/// was repeated on another machine. They must then have the same result for it. The results are for
+/// [`BakedSet::new`](crate::BakedSet::new), with the [source](SandwichBaker::source) of the baker.
 ///
 /// # Errors
-/// [`AssembleError`] if shards are from different bakes, have viewcells from number `count` on, or contradict
-/// one another, or if a viewcell is in no shard.
+/// [`AssembleError`] if a shard is of another bake than that of the baker, as after an edit of the level, has
+/// viewcells beyond the last, or contradicts another, or if a viewcell is in no shard.
 pub fn assemble(
-    count: usize,
+    baker: &SandwichBaker<'_>,
     shards: impl IntoIterator<Item = Shard>,
 ) -> Result<Vec<CellSandwich>, AssembleError> {
-    // A map takes memory proportional to the content of the shards, whatever `count` is.
+    let (count, whole) = (baker.whole_count(), baker.whole_fingerprint());
     let mut cells = BTreeMap::new();
-    let mut whole = None;
     for (at, shard) in shards.into_iter().enumerate() {
-        if *whole.get_or_insert(shard.fingerprint) != shard.fingerprint {
+        if shard.fingerprint != whole {
             return Err(AssembleError::OtherBake(at));
         }
         let end = shard.first.checked_add(shard.cells.len()).filter(|&end| end <= count);

@@ -83,11 +83,13 @@ fn ask(rounds: usize) -> [usize; 2] {
     let cell = |x: u32| Viewcell::from_box(DVec3::splat(x.into()), DVec3::splat(f64::from(x) + 1.0));
     let cells = Viewcells::new((0..6).map(cell));
     let rows: Vec<Vec<u32>> = (0..6).map(|_| (0..40).filter(|_| random.one_in(3)).collect()).collect();
-    let shard = Shard::bake(SandwichBaker::new(&scene, &cells, SandwichSettings::default())).to_bytes();
-    let set = BakedSet::new(&scene, cells, &rows).unwrap().to_bytes();
+    let of_set = cells.clone();
+    let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default());
+    let shard = Shard::bake(baker()).to_bytes();
+    let set = BakedSet::from_rows(&scene, of_set, &rows).unwrap().to_bytes();
     let pose = Pose::look_at(DVec3::splat(0.5), DVec3::new(5.0, 5.0, 0.0), DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.0, 0.01, 100.0).unwrap();
-    let mut accepted = [0; 2];
+    let (mut accepted, whole) = ([0; 2], baker());
     for _ in 0..rounds {
         if let Ok(set) = BakedSet::from_bytes(&forge(&set, &mut random)) {
             accepted[0] += 1;
@@ -117,7 +119,7 @@ fn ask(rounds: usize) -> [usize; 2] {
                 "the shard from its own bytes"
             );
             // The shards may be refused or accepted, but without a panic.
-            let _ = assemble(6, [shard.clone(), shard]);
+            let _ = assemble(&whole, [shard.clone(), shard]);
         }
     }
     accepted

@@ -70,7 +70,7 @@ fn use_set(set: BakedSet, scene: &Scene, view: &View) {
 fn a_set_takes_the_memory_of_its_bytes_and_its_scene() {
     let (scene, cells) = level();
     let rows: Vec<Vec<u32>> = (0..4).map(|cell| (cell..12).step_by(3).collect()).collect();
-    let file = BakedSet::new(&scene, cells, &rows).unwrap().to_bytes();
+    let file = BakedSet::from_rows(&scene, cells, &rows).unwrap().to_bytes();
     let view = view();
     let (mut read, mut refused) = (0, 0);
     forge_compressed(&file, |file| match BakedSet::from_bytes(file) {
@@ -102,10 +102,10 @@ fn a_set_takes_the_memory_of_its_bytes_and_its_scene() {
 fn shards_states_and_caches_take_the_memory_of_their_bytes_and_their_scene() {
     let (scene, cells) = level();
     let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default().with_rays(2));
-    let shard = Shard::bake(baker()).to_bytes();
+    let (shard, whole) = (Shard::bake(baker()).to_bytes(), baker());
     forge_compressed(&shard, |file| {
         if let Ok(shard) = Shard::from_bytes(file) {
-            let _ = assemble(4, [shard.clone(), shard]);
+            let _ = assemble(&whole, [shard.clone(), shard]);
         }
     });
     let mut bake = Bake::new(baker());
@@ -134,7 +134,7 @@ fn a_set_of_many_objects_takes_a_small_multiple_of_its_content() {
     let mut scene = Scene::new();
     let id = scene.insert(Aabb::from_arrays([5.0; 3], [6.0; 3]));
     let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
-    let file = BakedSet::new(&scene, cells, &[vec![0]]).unwrap().to_bytes();
+    let file = BakedSet::from_rows(&scene, cells, &[vec![0]]).unwrap().to_bytes();
     let mut content = decompress_to_vec(&file[COMPRESSED..]).unwrap();
     // The classes start after a hash, a number, a word of occluders, two numbers, six coordinates, and the
     // counts of planes and classes. Each appended object is a class of its own, encoded as a step of one.
@@ -170,7 +170,7 @@ fn a_set_of_many_viewcells_is_made_in_memory_of_its_rows() {
     let rows: Vec<[u32; 1]> = (0..count).map(|i| [i]).collect();
     // A bit for each row and object would be 512 MiB.
     forge_counts(&[0], 0, 128 << 20, |_| {
-        BakedSet::new(&scene, Viewcells::new((0..count).map(cell)), &rows).unwrap();
+        BakedSet::from_rows(&scene, Viewcells::new((0..count).map(cell)), &rows).unwrap();
     });
 }
 

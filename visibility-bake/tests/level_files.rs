@@ -83,8 +83,7 @@ fn bytes_are_the_same_for_any_limit_threads_and_shards() {
         whole.complete && whole.cells.iter().all(|cell| cell.swept > 16_000),
         "the bake is complete, and hides most objects"
     );
-    let rows: Vec<_> = whole.cells.iter().map(CellSandwich::reported).collect();
-    let set = BakedSet::new(&scene, cells.clone(), &rows).unwrap();
+    let set = BakedSet::new(&scene, cells.clone(), whole.source, &whole.cells).unwrap();
     for (number, memory) in [400 * MIB, 4096 * MIB].into_iter().enumerate() {
         let level = Arc::new(in_file(&scene, &format!("same{number}"), memory).unwrap());
         let baker = || SandwichBaker::of_level(level.clone(), &cells, settings());
@@ -102,11 +101,12 @@ fn bytes_are_the_same_for_any_limit_threads_and_shards() {
         }
         let shards = [7..99, 0..7].map(|range| Shard::bake(baker().with_range(range)));
         assert_eq!(
-            assemble(cells.cells().len(), shards).unwrap(),
+            assemble(&baker(), shards).unwrap(),
             whole.cells,
             "{memory} bytes: rows put together from two shards"
         );
-        assert!(BakedSet::of_level(&level, cells.clone(), &rows).unwrap() == set, "{memory} bytes: the set");
+        let of_level = BakedSet::of_level(&level, cells.clone(), whole.source, &whole.cells).unwrap();
+        assert!(of_level == set, "{memory} bytes: the set");
         // With the results of the bake in memory as cache, no viewcell needs work.
         let again = Bake::new(baker().with_cache(whole.cache.clone())).run();
         assert!(

@@ -179,37 +179,36 @@ fn shards_threads_and_stops_give_the_same_bytes() {
     // Shards are in arbitrary order, and one is given twice.
     let part = |range| Shard::from_bytes(&Shard::bake(baker().with_range(range)).to_bytes()).unwrap();
     let shards = [part(7..99), part(0..4), part(3..8), part(0..4)];
-    let assembled = assemble(10, shards.clone()).unwrap();
+    let assembled = assemble(&baker(), shards.clone()).unwrap();
     assert_eq!(assembled, Shard::from_bytes(&whole).unwrap().cells, "rows put together from four shards");
 
     let [last, first, ..] = shards.clone();
     assert_eq!(
-        assemble(10, [first.clone(), last.clone()]),
+        assemble(&baker(), [first.clone(), last.clone()]),
         Err(AssembleError::Missing(4, 7)),
         "viewcells 4 to 6 are missing"
     );
-    assert_eq!(
-        assemble(usize::MAX, [first.clone()]),
-        Err(AssembleError::Missing(4, usize::MAX)),
-        "more viewcells than memory has room for"
-    );
-    assert_eq!(assemble(usize::MAX, []), Err(AssembleError::Missing(0, usize::MAX)), "no shards");
-    assert_eq!(assemble(0, []), Ok(vec![]), "no viewcells");
-    assert_eq!(
-        assemble(9, [last.clone()]),
-        Err(AssembleError::Range(0)),
-        "a shard of more viewcells than there are"
-    );
+    // The range of the baker does not count.
+    let part = assemble(&baker().with_range(3..5), [first.clone()]);
+    assert_eq!(part, Err(AssembleError::Missing(4, 10)), "viewcells of no shard");
+    assert_eq!(assemble(&baker(), []), Err(AssembleError::Missing(0, 10)), "no shards");
+    let none = Viewcells::new([]);
+    let nothing = SandwichBaker::new(&scene, &none, SandwichSettings::default());
+    assert_eq!(assemble(&nothing, []), Ok(vec![]), "no viewcells");
+    for forged in [8, usize::MAX] {
+        let beyond = Shard { first: forged, ..last.clone() };
+        assert_eq!(assemble(&baker(), [beyond]), Err(AssembleError::Range(0)), "viewcells from {forged} on");
+    }
     let other = Shard::bake(SandwichBaker::new(&scene, &cells, SandwichSettings::default()).with_range(0..1));
     assert_eq!(
-        assemble(10, [first.clone(), other]),
+        assemble(&baker(), [first.clone(), other]),
         Err(AssembleError::OtherBake(1)),
         "a shard of another bake"
     );
     let mut wrong = first.clone();
     wrong.cells[2].seen.pop();
     assert_eq!(
-        assemble(10, [first, wrong]),
+        assemble(&baker(), [first, wrong]),
         Err(AssembleError::Contradiction(1)),
         "a shard that contradicts another"
     );
@@ -552,7 +551,7 @@ fn files_are_read_for_their_scene_alone_and_damage_is_found() {
     let (mut scene, cells) = street();
     let found = baked(&scene, &cells, SandwichSettings::default());
     let rows: Vec<_> = found.iter().map(CellSandwich::reported).collect();
-    let set = BakedSet::new(&scene, cells, &rows).unwrap();
+    let set = BakedSet::from_rows(&scene, cells, &rows).unwrap();
     let bytes = set.to_bytes();
     assert_eq!(BakedSet::from_bytes(&bytes), Ok(set.clone()), "the set from its bytes");
     for (number, row) in (0..).zip(&rows) {
@@ -587,7 +586,7 @@ fn sets_are_taken_for_objects_of_other_indices() {
     let rows: Vec<Vec<u32>> =
         (0..cells.cells().len() as u32).map(|cell| (cell % 3..40).step_by(3).collect()).collect();
     let count = scene.len() as u32;
-    let set = BakedSet::new(&scene, cells.clone(), &rows).unwrap();
+    let set = BakedSet::from_rows(&scene, cells.clone(), &rows).unwrap();
     assert_eq!(set.index_limit(), count as usize, "objects of the bake");
     let mut other = Scene::new();
     // The objects are in reverse order, each twice, and one that the bake does not know is among them.

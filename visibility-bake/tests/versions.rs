@@ -3,7 +3,8 @@
 
 use std::sync::Arc;
 use visibility_bake::{
-    BakeCache, BakedSet, BakedSetError, SandwichBaker, SandwichSettings, Shard, TiledScene, level_version,
+    AssembleError, BakeCache, BakedSet, BakedSetError, SandwichBaker, SandwichSettings, Shard, TiledScene,
+    assemble, level_version,
 };
 use visibility_core::bake::Bake;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
@@ -35,8 +36,7 @@ fn level() -> (Scene, Viewcells) {
 
 fn baked(scene: &Scene, cells: &Viewcells) -> BakedSet {
     let outcome = Bake::new(SandwichBaker::new(scene, cells, SandwichSettings::default())).run();
-    BakedSet::new(scene, cells.clone(), &outcome.cells.iter().map(|cell| cell.reported()).collect::<Vec<_>>())
-        .unwrap()
+    BakedSet::new(scene, cells.clone(), outcome.source, &outcome.cells).unwrap()
 }
 
 type Edit = (&'static str, fn(&mut Scene));
@@ -287,4 +287,45 @@ fn results_of_earlier_versions_are_refused_with_a_word() {
             );
         }
     }
+}
+
+/// Results of a bake are of the level that was baked, not of the level at hand.
+#[test]
+fn results_of_another_level_make_no_set() {
+    let (mut scene, cells) = level();
+    fn baker<'a>(scene: &'a Scene, cells: &'a Viewcells) -> SandwichBaker<'a> {
+        SandwichBaker::new(scene, cells, SandwichSettings::default())
+    }
+    let found = Bake::new(baker(&scene, &cells)).run();
+    let shard = Shard::from_bytes(&Shard::bake(baker(&scene, &cells)).to_bytes()).unwrap();
+    assert_eq!(*found.cells[0].reported(), [0], "the wall hides the box");
+    let of = |scene: &Scene, cells: &Viewcells| {
+        BakedSet::new(scene, cells.clone(), found.source, &found.cells).map(|set| set.version())
+    };
+    assert_eq!(of(&scene, &cells), Ok(level_version(&scene)), "the level that was baked");
+    assert_eq!(
+        assemble(&baker(&scene, &cells), [shard.clone()]).as_ref(),
+        Ok(&found.cells),
+        "shards of the level"
+    );
+    let others = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::splat(1.5))]);
+    assert_eq!(of(&scene, &others), Err(BakedSetError::OtherViewcells), "other viewcells");
+    for (name, edit) in edits() {
+        let mut edited = scene.clone();
+        edit(&mut edited);
+        assert_eq!(
+            of(&edited, &cells),
+            Err(BakedSetError::OtherScene),
+            "{name}: results of the level before"
+        );
+        let shards = assemble(&baker(&edited, &cells), [shard.clone()]);
+        assert_eq!(shards, Err(AssembleError::OtherBake(0)), "{name}: a shard of the level before");
+    }
+    scene.remove(scene.id_at(0).unwrap()).unwrap();
+    assert_eq!(of(&scene, &cells), Err(BakedSetError::OtherScene), "without the wall");
+    assert_eq!(
+        assemble(&baker(&scene, &cells), [shard]),
+        Err(AssembleError::OtherBake(0)),
+        "without the wall"
+    );
 }

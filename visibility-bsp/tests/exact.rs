@@ -8,7 +8,7 @@ use visibility_bsp::{BspOrderCuller, NaylorCuller, SceneTree, VisiblePoint};
 use visibility_core::glam::{DMat4, DQuat, DVec3, Mat4, Vec3};
 use visibility_core::{
     Aabb, Culler, Object, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
-    scene::Triangle,
+    scene::{DrawRange, Triangle},
     view::{Depth, Window},
 };
 use visibility_measure::{DrawnObject, ItemBuffer};
@@ -201,6 +201,21 @@ fn what_is_never_culled_hides_nothing() {
         let tree = SceneTree::new(&scene).unwrap();
         let found = reported(&mut NaylorCuller::new(&tree), &scene, &view).len();
         assert_eq!(found, count, "never culled {never_cull}: objects reported");
+    }
+}
+
+#[test]
+fn what_fades_hides_nothing() {
+    let mut scene = Scene::new();
+    let wall = add(&mut scene, &square(4.0, 3.0), true);
+    add(&mut scene, &square(6.0, 2.0), true);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    for (margin, count) in [(0.0, 1), (20.0, 2), (0.0, 1)] {
+        scene.set_draw_range(wall, DrawRange { end: 100.0, margin, ..DrawRange::ALWAYS }).unwrap();
+        let tree = SceneTree::new(&scene).unwrap();
+        let found = reported(&mut NaylorCuller::new(&tree), &scene, &view).len();
+        assert_eq!(found, count, "objects reported, with a margin of {margin}");
     }
 }
 

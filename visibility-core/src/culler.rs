@@ -81,17 +81,19 @@ pub struct Lack {
 }
 
 impl Lack {
-    /// Reports occluders of `scene` that cullers cannot use. Calls `each` up to four times: with the number
+    /// Reports occluders of `scene` that cullers cannot use. Calls `each` up to five times: with the number
     /// of occluders without a mesh, of occluders whose mesh reaches out of their bounds, of objects with an
-    /// occluder mesh that are not flagged as occluders, and of occluders that are [never
-    /// culled](crate::Object::is_unculled). Numbers that are 0 are not reported. Takes time in proportion to
-    /// the objects that are never culled.
+    /// occluder mesh that are not flagged as occluders, of occluders that are [never
+    /// culled](crate::Object::is_unculled), and of occluders that [fade](crate::scene::DrawRange::fades).
+    /// Numbers that are 0 are not reported. Takes time in proportion to the objects that are never culled and
+    /// to a sixtieth of all others.
     pub fn of_occluders(scene: &Scene, each: &mut dyn FnMut(Self)) {
         for (what, count) in [
             ("occluders without a mesh", scene.occluders_without_mesh()),
             ("occluders with a mesh outside their bounds", scene.occluders_outside_bounds()),
             ("objects with an occluder mesh but without the flag of an occluder", scene.unflagged_meshes()),
             ("occluders that are never culled, and hide nothing", scene.unculled_occluders()),
+            ("occluders that fade by their draw range, and hide nothing", scene.fading_occluders()),
         ] {
             each_of(what, count, each);
         }
@@ -171,6 +173,14 @@ pub trait Culler {
     /// [`Pipeline::for_each_lack`](crate::Pipeline::for_each_lack). The default implementation reports
     /// nothing.
     fn for_each_lack(&self, _scene: &Scene, _each: &mut dyn FnMut(Lack)) {}
+
+    /// Returns whether the culler hides objects behind objects of the set. A culler that [follows draw
+    /// ranges](Self::follows_draw_ranges) must come before it in a [`Pipeline`](crate::Pipeline), and the
+    /// pipeline reports it as a lack otherwise. False by default. A culler that wraps another must return the
+    /// answer of the wrapped culler.
+    fn hides_behind_objects(&self) -> bool {
+        false
+    }
 
     /// Returns whether the culler hides objects outside their [draw ranges](Scene::set_draw_range). If no
     /// culler of a [`Pipeline`](crate::Pipeline) does, the pipeline reports draw ranges as a lack. False by

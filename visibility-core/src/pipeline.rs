@@ -210,8 +210,10 @@ impl Pipeline {
     /// Calls `each` with the name of a stage and each thing that the stage [lacks](Culler::for_each_lack) to
     /// cull `scene`, such as "occluders without a mesh: 12". Calls `each` with the name "pipeline" for
     /// problems that no stage can solve: objects that are never culled only because their bounds are NaN or
-    /// inverted, and objects with draw ranges if no stage follows draw ranges. Does not call `each` if
-    /// nothing is lacking.
+    /// inverted, and objects with draw ranges if no stage follows draw ranges. Also names each stage that
+    /// [hides objects behind others](Culler::hides_behind_objects) before a later stage removes some of these
+    /// by draw range or size: what is hidden behind them is then missing. Does not call `each` if nothing is
+    /// lacking.
     ///
     /// Takes up to a millisecond, and time in proportion to the number of objects that are never culled. For
     /// overlays and logs, once in a while rather than every frame.
@@ -222,6 +224,14 @@ impl Pipeline {
         }
         for (culler, _) in &self.stages {
             culler.for_each_lack(scene, &mut |lack| each(culler.name(), lack));
+        }
+        let last = self.stages.iter().rposition(|(culler, _)| culler.follows_draw_ranges());
+        let too_early = self.stages[..last.unwrap_or(0)].iter().map(|(culler, _)| culler);
+        let count = scene.occluder_count();
+        for culler in too_early.filter(|culler| count > 0 && culler.hides_behind_objects()) {
+            let what =
+                "occluders that hide others before a later stage may remove them by draw range or size";
+            each(culler.name(), Lack { what, count });
         }
         let count = scene.draw_range_count();
         if count > 0 && !self.stages.iter().any(|(culler, _)| culler.follows_draw_ranges()) {

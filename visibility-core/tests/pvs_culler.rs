@@ -1,9 +1,10 @@
 //! Tests of the PVS culler: the viewcell of an eye is found as by testing every viewcell, and an object is
 //! hidden if and only if the viewcell does not see it.
 
-use visibility_core::glam::DVec3;
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::scene::DrawRange;
 use visibility_core::{
-    Aabb, ObjectId, Pose, Scene, View, VisibleSet,
+    Aabb, ObjectId, OccluderMesh, Pose, Scene, View, VisibleSet,
     geometry::Plane,
     pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells},
 };
@@ -360,7 +361,7 @@ fn nothing_is_hidden_once_an_occluder_of_the_pvs_has_changed() {
             let found = seen(&mut of_named, &scene, &ids, 2.0).len();
             assert_eq!(found, 4, "{targets:?}: the flagged object is none of the named occluders");
         }
-        scene.set_occluder(ids[2], false).unwrap();
+        scene.set_bounds(ids[2], Aabb::from_arrays([22.0, 2.0, 0.0], [23.0, 2.5, 1.0])).unwrap();
         assert_eq!(seen(&mut of_named, &scene, &ids, 2.0).len(), 9, "{targets:?}: the named one has changed");
         let mut lacks = 0;
         of_named.for_each_lack(&scene, &mut |lack| lacks += lack.count);
@@ -406,4 +407,100 @@ fn nothing_is_hidden_from_a_viewcell_with_a_plane_that_is_nan() {
         assert_eq!(seen(&mut culler, &scene, &ids, 2.0).len(), 10, "a plane {normal}, {offset}");
         assert_eq!(seen(&mut culler, &scene, &ids, 8.0).len(), 9, "from the whole viewcell");
     }
+}
+
+#[test]
+fn changes_of_an_occluder_count_where_they_matter() {
+    type Change = fn(&mut Scene, ObjectId);
+    let cuboid = |scene: &mut Scene, id: ObjectId, share: f32| {
+        let bounds = scene.bounds(id).unwrap();
+        let mesh = OccluderMesh::cuboid(&Aabb::new(bounds.min, bounds.min.lerp(bounds.max, share))).unwrap();
+        let mesh = scene.add_mesh(mesh);
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+    };
+    let changes: [(&str, bool, Change); 15] = [
+        ("cost", false, |scene, id| scene.set_cost(id, 99).unwrap()),
+        ("the same layers", false, |scene, id| scene.set_layers(id, u32::MAX).unwrap()),
+        ("the same bounds", false, |scene, id| scene.set_bounds(id, scene.bounds(id).unwrap()).unwrap()),
+        ("opened and shut", false, |scene, id| {
+            scene.set_occluder(id, false).unwrap();
+            scene.set_occluder(id, true).unwrap();
+        }),
+        ("the same triangles", false, |scene, id| {
+            let same = scene.shared_triangles(id).unwrap().clone();
+            scene.set_triangles(id, same).unwrap();
+        }),
+        ("layers", true, |scene, id| scene.set_layers(id, 3).unwrap()),
+        ("bounds", true, |scene, id| {
+            let bounds = scene.bounds(id).unwrap();
+            scene.set_bounds(id, Aabb::new(bounds.min, bounds.max + 1.0)).unwrap();
+        }),
+        ("opened", true, |scene, id| scene.set_occluder(id, false).unwrap()),
+        ("glass", true, |scene, id| scene.set_see_through(id, true).unwrap()),
+        ("one-sided", true, |scene, id| scene.set_one_sided(id, true).unwrap()),
+        ("never culled", true, |scene, id| scene.set_never_cull(id, true).unwrap()),
+        ("draw range", true, |scene, id| {
+            scene.set_draw_range(id, DrawRange { end: 9.0, ..DrawRange::ALWAYS }).unwrap();
+        }),
+        ("other triangles", true, |scene, id| {
+            let corner = scene.bounds(id).unwrap().min;
+            scene.set_triangles(id, [[corner, corner + 0.1, corner + Vec3::X * 0.1]]).unwrap();
+        }),
+        ("a moved mesh", true, |scene, id| {
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [0.5; 3])).unwrap());
+            let at = Affine3A::from_translation(scene.bounds(id).unwrap().min);
+            scene.set_mesh(id, mesh, at).unwrap();
+        }),
+        ("removed", true, |scene, id| scene.remove(id).unwrap()),
+    ];
+    for (name, matters, change) in changes {
+        let (mut scene, ids, pvs, viewcells) = world();
+        scene.set_occluder(ids[0], true).unwrap();
+        let corner = scene.bounds(ids[0]).unwrap().min;
+        scene.set_triangles(ids[0], [[corner, corner + Vec3::X, corner + Vec3::Z]]).unwrap();
+        cuboid(&mut scene, ids[0], 0.5);
+        let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
+        let mut culler = PvsCuller::new(&shared);
+        let before = seen(&mut culler, &scene, &ids, 2.0);
+        assert_eq!(before, [0, 2, 4, 6, 8], "{name}: before");
+        change(&mut scene, ids[0]);
+        let (is_there, after) = (scene.contains(ids[0]), seen(&mut culler, &scene, &ids, 2.0));
+        let all: Vec<usize> = (usize::from(!is_there)..10).collect();
+        assert_eq!(after, if matters { all } else { before }, "{name}");
+        // A culler that is new, or has lost the log, finds the same.
+        assert_eq!(seen(&mut PvsCuller::new(&shared), &scene, &ids, 2.0), after, "{name}: a new culler");
+    }
+}
+
+#[test]
+fn another_mesh_or_place_of_an_occluders_mesh_counts() {
+    for (name, by, share, matters) in
+        [("the same", 0.0, 1.0, false), ("another mesh", 0.0, 0.5, true), ("another place", 0.25, 1.0, true)]
+    {
+        let (mut scene, ids, pvs, viewcells) = world();
+        scene.set_occluder(ids[0], true).unwrap();
+        let bounds = scene.bounds(ids[0]).unwrap();
+        let part = |share: f32| Aabb::from_arrays([0.0; 3], [0.5, 0.25 * share, 0.5]);
+        let mesh = |scene: &mut Scene, by: f32, share: f32| {
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(&part(share)).unwrap());
+            scene.set_mesh(ids[0], mesh, Affine3A::from_translation(bounds.min + Vec3::X * by)).unwrap();
+        };
+        mesh(&mut scene, 0.0, 1.0);
+        let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
+        mesh(&mut scene, by, share);
+        let count = seen(&mut PvsCuller::new(&shared), &scene, &ids, 2.0).len();
+        assert_eq!(count, if matters { 10 } else { 5 }, "{name}");
+    }
+}
+
+#[test]
+fn a_named_occluder_that_is_no_longer_always_drawn_hides_nothing() {
+    // The occluder is named by the caller, and has neither flag nor mesh in this scene.
+    let (mut scene, ids, pvs, viewcells) = world();
+    let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
+    let shared = shared.with_occluders(&scene, [ids[0]]);
+    let mut culler = PvsCuller::new(&shared);
+    assert_eq!(seen(&mut culler, &scene, &ids, 2.0).len(), 5, "before");
+    scene.set_draw_range(ids[0], DrawRange { end: 9e9, ..DrawRange::ALWAYS }).unwrap();
+    assert_eq!(seen(&mut culler, &scene, &ids, 2.0).len(), 10, "with a draw range");
 }

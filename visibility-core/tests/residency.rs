@@ -498,3 +498,28 @@ fn a_set_that_is_replaced_and_boxes_in_turn_have_their_own_answers() {
         *culler.shared_mut() = &other;
     }
 }
+
+#[test]
+fn a_crafted_order_of_sizes_asks_each_size_a_few_times() {
+    let (scene, ids) = slabs(400);
+    let mut sets = Given::default();
+    let mut free = Residency::new(u64::MAX);
+    free.update(&scene, &mut sets, &[place(0.0)], |_| 1, u64::MAX);
+    let order = objects(free.loads());
+    assert_eq!(order.len(), ids.len(), "all are needed");
+    // Every other object is a byte larger than the room that is left when its turn comes, and fits into the
+    // room that is left at all earlier turns. The objects between take a byte each.
+    let limit = ids.len() as u64;
+    let mut sizes = vec![1; scene.index_limit()];
+    (0..).zip(&order).filter(|(i, _)| i % 2 == 0).for_each(|(i, id)| sizes[id.index()] = limit - i / 2 + 1);
+    let mut residency = Residency::new(limit);
+    let mut calls = 0;
+    let size = |id: ObjectId| {
+        calls += 1;
+        sizes[id.index()]
+    };
+    residency.update(&scene, &mut sets, &[place(0.0)], size, u64::MAX);
+    let small: Vec<ObjectId> = order.iter().copied().skip(1).step_by(2).collect();
+    assert_eq!(objects(residency.loads()), small, "the objects of a byte");
+    assert!(calls <= 4 * ids.len(), "{calls} sizes of {} objects", ids.len());
+}

@@ -3,6 +3,7 @@
 
 use std::collections::HashSet;
 use visibility_core::glam::DVec3;
+use visibility_core::scene::DrawRange;
 use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, View,
     VisibleSet,
@@ -582,4 +583,31 @@ fn some_are_put_first_and_none_is_lost() {
         (None, None),
         "an index of a removed object, and one beyond all"
     );
+}
+
+#[test]
+fn occluders_of_a_set_are_those_that_can_occlude() {
+    let mut scene = Scene::new();
+    let flagged = |i: usize| Object { occluder: i % 2 == 0, ..Object::new(at(i as f32, 0.0, 0.0)) };
+    let ids = scene.insert_batch((0..200).map(flagged));
+    scene.set_never_cull(ids[4], true).unwrap();
+    let range = |margin: f32| DrawRange { end: 100.0, margin, ..DrawRange::ALWAYS };
+    scene.set_draw_range(ids[6], range(0.0)).unwrap();
+    scene.set_draw_range(ids[8], range(1.0)).unwrap();
+    for step in 0..2 {
+        let mut found = HashSet::new();
+        let mut visible = VisibleSet::new();
+        visible.retain(&scene, |id, _| id != ids[10]);
+        visible.for_each_occluder(&scene, |id| assert!(found.insert(id), "step {step}: {id} twice"));
+        let expected = (0..200).filter(|i| i % 2 == 0 && ![4, 8, 10].contains(i));
+        assert_eq!(found, expected.map(|i| ids[i]).collect::<HashSet<_>>(), "step {step}: occluders");
+        let can = |&i: &usize| scene.can_occlude(ids[i]);
+        assert!(
+            (0..200).filter(can).eq((0..200).filter(|i| i % 2 == 0 && ![4, 8].contains(i))),
+            "step {step}"
+        );
+        scene.rebuild();
+    }
+    scene.remove(ids[0]).unwrap();
+    assert!(!scene.can_occlude(ids[0]), "an unknown object");
 }

@@ -7,8 +7,8 @@ use crate::walk::{Budget, FrameContext, Keep, PlpSettings, Projected, Walk};
 use alloc::vec::Vec;
 use core::ops::Deref;
 use visibility_core::{
-    Aabb, Accuracy, CullStats, Culler, ObjectId, OcclusionMap, Scene, View, VisibleSet, occlusion::Occlusion,
-    scene::SceneCursor,
+    Aabb, Accuracy, CullStats, Culler, ObjectId, OcclusionMap, Scene, View, VisibleSet,
+    binary_format::Fingerprint, occlusion::Occlusion, scene::SceneCursor,
 };
 
 /// Keeps every object that may be visible: projects a budget like [`PlpCuller`](crate::PlpCuller), then tests
@@ -78,6 +78,8 @@ pub struct ConservativePlpCuller<S, M> {
     stats: ConservativeStats,
     /// The scene of the last frame, to which the map's memory of earlier frames belongs.
     scene: SceneCursor,
+    /// Hash of the incoming set of the last frame, for a map with delayed answers.
+    candidates: Option<u64>,
 }
 
 /// Counts of one frame of [`ConservativePlpCuller`], as in table 1 of Klosowski and Silva, 2001.
@@ -112,6 +114,7 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> ConservativePlpCuller<S, M
             sorted: Vec::new(),
             stats: ConservativeStats::default(),
             scene: SceneCursor::START,
+            candidates: None,
         }
     }
 
@@ -239,6 +242,10 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         Accuracy::Conservative.and(self.map.accuracy())
     }
 
+    fn hides_behind_objects(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         if !self.scene.is_in(scene) {
             self.map.reset();
@@ -246,10 +253,18 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
             self.map.scene_changed();
         }
         self.scene = SceneCursor::at(scene);
-        let Self { tessellation, settings, map, walk, waiting, sorted, stats, .. } = self;
+        let Self { tessellation, settings, map, walk, waiting, sorted, stats, candidates, .. } = self;
         let tessellation = &**tessellation;
         *stats = ConservativeStats::default();
         map.begin(view, scene.origin());
+        if !map.answers_at_once() {
+            // Answers to earlier frames are about pictures of their candidates.
+            let with = |hash: Fingerprint, id: ObjectId| hash.with(id.index() as u32).with(id.generation());
+            let hash = Some(visible.iter(scene).fold(Fingerprint::new(), with).value());
+            if core::mem::replace(candidates, hash) != hash {
+                map.candidates_changed();
+            }
+        }
         map.flush();
         let frustum = CellFrustum::new(view, scene.origin(), &tessellation.bounds());
         let frame = FrameContext { tessellation, scene, visible, frustum, settings: *settings };

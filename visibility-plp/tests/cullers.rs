@@ -255,8 +255,8 @@ fn a_nan_triangle_in_finite_bounds_is_not_lost() {
     );
 }
 
-/// Occlusion map that finds every box hidden from its second frame on, until it is reset or the scene
-/// changes. It simulates a device whose answers belong to the frame before.
+/// Occlusion map that finds every box hidden from its second frame on, until it is reset, or the scene or the
+/// candidates change. It simulates a device whose answers belong to the frame before.
 #[derive(Default)]
 struct Late {
     frames: u32,
@@ -277,8 +277,14 @@ impl OcclusionMap for Late {
     fn test(&self, _: &Aabb) -> Occlusion {
         if self.frames > 1 { Occlusion::Hidden } else { Occlusion::Partial }
     }
+    fn answers_at_once(&self) -> bool {
+        false
+    }
     fn scene_changed(&mut self) {
         self.frames = 0;
+    }
+    fn candidates_changed(&mut self) {
+        self.frames = 1;
     }
     fn reset(&mut self) {
         self.frames = 0;
@@ -299,6 +305,13 @@ fn what_the_map_remembers_of_one_scene_hides_nothing_in_another_or_after_a_chang
     assert_eq!(run(&mut culler, &scene, &view).len(), all, "objects kept after a change of the scene");
     let rest = run(&mut culler, &scene, &view).len();
     assert!(rest * 2 < all, "{rest} of {all} objects are kept in the second frame after the change");
+    // An earlier stage leaves other objects.
+    let mut visible = VisibleSet::new();
+    visible.fill(&scene, &view);
+    visible.retain(&scene, |id, _| id != first);
+    culler.cull(&scene, &view, &mut visible);
+    let kept = visible.count(&scene);
+    assert!(kept + 1 >= all, "{kept} of {all} objects are kept after a change of the candidates");
     let other = scene.clone();
     *culler.shared_mut() = cells(&other);
     assert_eq!(

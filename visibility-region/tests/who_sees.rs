@@ -151,3 +151,19 @@ fn viewcells_whose_objects_are_gone_or_moved_hide_nobody() {
     world.scene.insert(bounds);
     assert!(sees(&world.scene, &mut online), "another object in place of a viewcell's");
 }
+
+#[test]
+fn a_wall_that_some_observers_do_not_see_hides_nobody_from_a_matrix() {
+    let mut world = World::new();
+    let wall = world.add_box([5.9, -9.0, -9.0], [6.1, 30.0, 9.0]);
+    let at = |x: f64| Reach::new(DVec3::new(x, 5.0, 0.2), DVec3::new(x + 0.4, 5.4, 1.8));
+    let (movers, mut who) = ([at(2.0), at(10.0)], WhoSees::new());
+    for layers in [u32::MAX, 2, u32::MAX, u32::MAX - 1] {
+        world.scene.set_layers(wall, layers).unwrap();
+        let mut matrix =
+            ViewcellMatrix::of_scene::<ExtendedProjectionCuller>(&world.scene, viewcells(DVec3::ZERO));
+        who.look(&mut matrix, &movers, &movers);
+        assert_eq!(who.sees(0, 1), layers != u32::MAX, "behind a wall on layers {layers:#x}");
+    }
+    assert!(world.scene.can_occlude(wall), "the scene keeps its occluder");
+}

@@ -14,7 +14,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 use std::sync::Arc;
 use visibility_bake::{
-    BakeCache, BakedSet, CellSandwich, LevelError, SandwichBaker, SandwichSettings, TiledScene,
+    BakeCache, BakeSource, BakedSet, CellSandwich, LevelError, SandwichBaker, SandwichSettings, TiledScene,
     TiledSceneWriter,
 };
 use visibility_core::occlusion::Preparation;
@@ -165,16 +165,17 @@ impl Level {
         self.baker().whole_fingerprint()
     }
 
-    /// Makes the set of viewcells and visible objects that a game loads.
+    /// Makes the set of viewcells and visible objects that a game loads. `cells` are the results of a bake,
+    /// and `source` is what was baked.
     ///
     /// # Errors
     ///
-    /// Returns a message if the sets are too large to be stored.
-    pub fn set(&self, cells: &[CellSandwich]) -> Result<BakedSet, String> {
-        let rows: Vec<_> = cells.iter().map(CellSandwich::reported).collect();
+    /// Returns a message if the sets are too large to be stored, or not of this level.
+    pub fn set(&self, source: BakeSource, cells: &[CellSandwich]) -> Result<BakedSet, String> {
+        let viewcells = self.viewcells.clone();
         let set = match &self.content {
-            Content::World(world) => BakedSet::new(&world.scene, self.viewcells.clone(), &rows),
-            Content::File(level) => BakedSet::of_level(level, self.viewcells.clone(), &rows),
+            Content::World(world) => BakedSet::new(&world.scene, viewcells, source, cells),
+            Content::File(level) => BakedSet::of_level(level, viewcells, source, cells),
         };
         set.map_err(|error| error.to_string())
     }
@@ -353,7 +354,7 @@ mod tests {
                 let settings = Run { threads: 1, limit: None, save_every, state: path("state") };
                 let outcome = run(|| level.baker(), &settings, |_| {}).unwrap();
                 assert!(outcome.complete && outcome.error.is_none(), "{scene}: the bake is complete");
-                (level.fingerprint(), level.set(&outcome.cells).unwrap().to_bytes())
+                (level.fingerprint(), level.set(outcome.source, &outcome.cells).unwrap().to_bytes())
             };
             assert!(bytes(&[]) == bytes(&["--memory", "256M"]), "{scene}");
         }

@@ -237,7 +237,7 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
         format!("viewcells {} to {} of {count}: {}\n", range.start, range.end, arguments.out.display())
     } else {
         let seconds = start.elapsed().as_secs_f64();
-        let set = level.set(&outcome.cells)?;
+        let set = level.set(outcome.source, &outcome.cells)?;
         write(&arguments.out, &set.to_bytes())?;
         let mut report = Report::new(&level, &outcome.cells, &outcome.times, &set, seconds, outcome.complete);
         (report.stages, report.too_large, report.cut) = (outcome.stages, outcome.too_large, outcome.cut);
@@ -268,7 +268,7 @@ fn write_fitted(
     base: &Path,
 ) -> Result<(), Failure> {
     let Fitted { cells, times, complete, too_large, cut } = fitted;
-    let set = level.set(&cells)?;
+    let set = level.set(level.baker().source(), &cells)?;
     write(&arguments.out, &set.to_bytes())?;
     let mut report = Report::new(level, &cells, &[], &set, seconds, complete);
     (report.methods, report.too_large, report.cut) = ((&times).into(), too_large, cut);
@@ -342,8 +342,9 @@ fn put_together(arguments: &Assembly) -> Result<(), Failure> {
         }
         shards.push(shard);
     }
-    let cells = assemble(level.viewcells.cells().len(), shards).map_err(|error| error.to_string())?;
-    let set = level.set(&cells)?;
+    let baker = level.baker();
+    let cells = assemble(&baker, shards).map_err(|error| error.to_string())?;
+    let set = level.set(baker.source(), &cells)?;
     write(&arguments.out, &set.to_bytes())?;
     let report = Report::new(&level, &cells, &[], &set, 0.0, true);
     write_report(&level, &cells, &report, &arguments.json, &arguments.pictures)?;

@@ -209,7 +209,7 @@ fn compare(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let first =
             |judged: &Judged| judged.trials.first().map_or_else(Vec::new, |trial| trial.reported.clone());
         let rows: Vec<Vec<u32>> = results.iter().map(first).collect();
-        write(path, &BakedSet::new(&world.scene, cells, &rows)?.to_bytes())?;
+        write(path, &BakedSet::from_rows(&world.scene, cells, &rows)?.to_bytes())?;
     }
     let (eyes, side) = (arguments.eyes, arguments.side);
     let mean = cubes / results.len() as f64;

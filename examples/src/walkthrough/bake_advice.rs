@@ -165,7 +165,7 @@ pub fn estimate(
     };
     let by_rows = |rows: &[Vec<u32>]| {
         let cells = Viewcells::new(found.ids.iter().map(|id| places.cells()[id.index()].clone()));
-        let set = BakedSet::new(&scene, cells, rows).map_err(|error| error.to_string())?;
+        let set = BakedSet::from_rows(&scene, cells, rows).map_err(|error| error.to_string())?;
         let set = set.for_level(&world.scene, Some(version)).map_err(|error| error.to_string())?;
         trial(&mut Pipeline::new().with(FrustumCuller::new()).with(PvsCuller::new(Arc::new(set))))
     };

@@ -136,6 +136,10 @@ impl OcclusionMap for Queries {
         self.0.scene_changed();
     }
 
+    fn candidates_changed(&mut self) {
+        self.0.candidates_changed();
+    }
+
     fn reset(&mut self) {
         self.0.reset();
     }

@@ -52,7 +52,7 @@ pub struct BakedObject(pub u32);
 /// # let mut scene = Scene::new();
 /// # scene.insert(Aabb::from_arrays([5.0; 3], [6.0; 3]));
 /// # let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
-/// # let file = visibility_bake::BakedSet::new(&scene, cells, &[vec![]])?.to_bytes();
+/// # let file = visibility_bake::BakedSet::from_rows(&scene, cells, &[vec![]])?.to_bytes();
 /// # let version = visibility_bake::level_version(&scene);
 /// # let mut world = bevy_ecs::world::World::new();
 /// // The file that `bake` has written, the version that the level carries, and the boxes of its objects.

@@ -120,6 +120,10 @@ impl Culler for WhereOccluders {
         self.0.for_each_lack(scene, each);
     }
 
+    fn hides_behind_objects(&self) -> bool {
+        self.0.hides_behind_objects()
+    }
+
     fn reset(&mut self) {
         self.0.reset();
     }

@@ -58,6 +58,10 @@ impl<C: Culler> Culler for Shared<C> {
         self.lock().for_each_lack(scene, each);
     }
 
+    fn hides_behind_objects(&self) -> bool {
+        self.lock().hides_behind_objects()
+    }
+
     fn follows_draw_ranges(&self) -> bool {
         self.lock().follows_draw_ranges()
     }

@@ -58,7 +58,7 @@ fn level(random: &mut Random) -> Level {
         let min = DVec3::new(10.0 * i as f64, -5.0, -5.0);
         Viewcell::from_box(min, min + 10.0)
     }));
-    let set = BakedSet::new(&scene, viewcells, &rows).unwrap();
+    let set = BakedSet::from_rows(&scene, viewcells, &rows).unwrap();
     Level { boxes, rows, file: set.to_bytes(), version: set.version() }
 }
 
@@ -340,7 +340,7 @@ fn a_wall_that_is_not_as_baked_hides_nothing() {
         scene.insert(Object { occluder: number == WALL as usize, ..Object::new(bounds) });
     }
     let cells = Viewcells::new([Viewcell::from_box(DVec3::new(0.0, -5.0, -5.0), DVec3::new(10.0, 5.0, 5.0))]);
-    let set = BakedSet::new(&scene, cells, &[[WALL, BOX]]).unwrap();
+    let set = BakedSet::from_rows(&scene, cells, &[[WALL, BOX]]).unwrap();
     let (file, version) = (set.to_bytes(), set.version());
     let spawn = |app: &mut App, number: u32| {
         let (aabb, at) = placed(boxes[number as usize]);

@@ -346,7 +346,7 @@ fn a_baked_file_is_read_for_its_scene_alone() {
         baked.insert(Aabb::from_arrays(min, max));
     }
     let viewcells = Viewcells::new([Viewcell::from_box(-viewcell, viewcell)]);
-    let set = BakedSet::new(&baked, viewcells, &[[1]]).expect("rows of the scene");
+    let set = BakedSet::from_rows(&baked, viewcells, &[[1]]).expect("rows of the scene");
     let (file, version) = (set.to_bytes(), set.version());
 
     let (scene, view, pipeline) = setting();

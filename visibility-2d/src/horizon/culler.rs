@@ -231,6 +231,10 @@ impl Culler for HorizonCuller {
         if self.crowns.is_some() { Accuracy::Approximate } else { Accuracy::Conservative }
     }
 
+    fn hides_behind_objects(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.horizon.begin(view, scene.origin());
         let has_occluders = self.follow(scene);

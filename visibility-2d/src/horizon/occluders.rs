@@ -138,7 +138,6 @@ impl HorizonOccluders {
         let begin = self.solids.solids.len();
         // The object may have been removed. A new object with its index is in the list of changes itself.
         if let Some(id) = scene.id_at(id.index())
-            && scene.object(id).is_ok_and(|object| object.occluder)
             && let Some((mesh, ref transform)) = scene.occluder(id)
         {
             self.solids.add_mesh(mesh, transform, self.up, true);

@@ -78,7 +78,7 @@ pub(super) fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundOb
     let mut keys: Vec<(VertexKey, u32)> = Vec::new();
     for id in scene.ids() {
         let Some((mesh, ref transform)) = scene.occluder(id) else { continue };
-        if mesh.is_convex() || !scene.object(id).is_ok_and(|object| object.occluder) {
+        if mesh.is_convex() {
             continue;
         }
         // Whether the transform certainly keeps the front of triangles on the side from which they are

@@ -14,7 +14,7 @@ pub use group::BakeScratch;
 use crate::bake_cache::{BakeCache, GroupRecord};
 use crate::cell_groups::CellGroups;
 use crate::cell_sandwich::CellSandwich;
-use crate::fingerprints::level_fingerprint;
+use crate::fingerprints::{BakeSource, level_fingerprint};
 use crate::found_cell::FoundCell;
 use crate::level_error::LevelError;
 use crate::method_times::MethodTimes;
@@ -79,6 +79,7 @@ pub struct SandwichBaker<'a> {
     range: Range<usize>,
     /// Hash of the scene, all viewcells and the settings. It is the same for all shards of a bake.
     fingerprint: u64,
+    source: BakeSource,
     groups: CellGroups,
     /// State of each group while some of its viewcells are worked on.
     slots: Vec<Mutex<Slot>>,
@@ -123,6 +124,7 @@ impl<'a> SandwichBaker<'a> {
             settings,
             range: 0..0,
             fingerprint: level_fingerprint(&level, viewcells, &settings),
+            source: BakeSource::new(level.version(), viewcells),
             level,
             slots: groups.cells.iter().map(|_| Mutex::default()).collect(),
             groups,
@@ -200,6 +202,16 @@ impl<'a> SandwichBaker<'a> {
     /// Shards with the same hash belong to the same bake.
     pub fn whole_fingerprint(&self) -> u64 {
         self.fingerprint
+    }
+
+    /// Returns the level and the viewcells that are baked, for [`BakedSet::new`](crate::BakedSet::new).
+    pub fn source(&self) -> BakeSource {
+        self.source
+    }
+
+    /// Returns the number of viewcells of the whole bake, whatever the range of this baker.
+    pub(crate) fn whole_count(&self) -> usize {
+        self.viewcells.cells().len()
     }
 
     /// Returns the first reason why a viewcell of a level in a file could not be worked on, or `None` if
@@ -385,7 +397,20 @@ impl Baker for SandwichBaker<'_> {
         let (cells, times) = done.unzip();
         let first = self.range.start;
         let error = self.error.into_inner().unwrap_or_else(PoisonError::into_inner);
-        SandwichOutcome { first, cells, times, complete, stages, reused, cache, too_large, cut, error }
+        let source = self.source;
+        SandwichOutcome {
+            source,
+            first,
+            cells,
+            times,
+            complete,
+            stages,
+            reused,
+            cache,
+            too_large,
+            cut,
+            error,
+        }
     }
 
     fn fingerprint(&self) -> u64 {

@@ -137,6 +137,10 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
         Accuracy::Exact
     }
 
+    fn hides_behind_objects(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let Self { shared, stale, stack, scratch } = self;
         let shared = (*shared).borrow();
@@ -196,7 +200,7 @@ impl Frame<'_> {
                     && object.layers & self.view.layers() != 0
                     && self.visible.contains(self.scene, id) =>
             {
-                let occluder = object.occluder && !object.is_unculled();
+                let occluder = self.scene.can_occlude(id);
                 let surface = Surface { occluder, one_sided: object.one_sided };
                 ObjectState::Hidden { surface, glimpsed: false }
             }

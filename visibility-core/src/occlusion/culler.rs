@@ -12,6 +12,7 @@ use super::{Occlusion64, OcclusionMap};
 use crate::culler::Lack;
 use crate::jobs::Jobs;
 use crate::scene::lanes;
+use crate::stamp::Stamp;
 use crate::walk::{Block, BoxHierarchy, Child, IsOfScene, NodeTest, SceneHierarchy, Walk, retain_on};
 use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCursor};
 
@@ -80,6 +81,8 @@ pub struct OcclusionCuller<M, H = SceneHierarchy> {
     queue: Queue,
     /// The scene of the last frame, in the state that the map's memory of earlier frames belongs to.
     scene: SceneCursor,
+    /// Layout of the scene and hash of the incoming set in the last frame, for a map with delayed answers.
+    candidates: Option<(Stamp, u64)>,
 }
 
 impl<M: OcclusionMap> OcclusionCuller<M> {
@@ -101,6 +104,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
             experience,
             queue,
             scene,
+            candidates: None,
         }
     }
 
@@ -167,6 +171,12 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         let most = budget.for_own_occluders(MIN_BEHIND.max(objects as f32));
         let own = self.map.begin_within(view, origin, most, jobs);
         budget.spend_outside_search(own);
+        if !at_once {
+            let candidates = Some((scene.layout(), visible.fingerprint(scene).value()));
+            if core::mem::replace(&mut self.candidates, candidates) != candidates {
+                self.map.candidates_changed();
+            }
+        }
         let mut stats = CullStats::default();
         // Occluders that the map drew by itself can already hide objects: test these before the search for
         // more.
@@ -253,6 +263,10 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
 
     fn accuracy(&self) -> Accuracy {
         self.map.accuracy()
+    }
+
+    fn hides_behind_objects(&self) -> bool {
+        true
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {

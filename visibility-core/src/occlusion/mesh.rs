@@ -285,7 +285,7 @@ impl OccluderMesh {
     }
 
     /// Returns a hash of positions, triangles and two-sidedness, to detect a changed occluder.
-    pub(super) fn fingerprint(&self) -> Fingerprint {
+    pub(crate) fn fingerprint(&self) -> Fingerprint {
         self.fingerprint.with(self.two_sided.into())
     }
 

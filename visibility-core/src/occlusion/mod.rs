@@ -203,6 +203,12 @@ pub trait OcclusionMap {
     /// boxes by that any longer. A map that wraps another passes the call on. The default does nothing.
     fn scene_changed(&mut self) {}
 
+    /// Tells a map that does not [answer at once](Self::answers_at_once) that the objects to be culled are
+    /// not those of the frame before. The culler calls it after it has [begun](Self::begin) a frame. Earlier
+    /// answers are about a picture of other objects: what hid a box may not be drawn any longer. A map that
+    /// wraps another passes the call on. The default does nothing.
+    fn candidates_changed(&mut self) {}
+
     /// Forgets what the map remembers of earlier frames. The culler calls it before the first frame of
     /// another scene. The default does nothing.
     fn reset(&mut self) {}

@@ -253,7 +253,7 @@ impl<'a, M: OcclusionMap> OccluderSearch<'a, M> {
     fn consider<H: BoxHierarchy>(&mut self, walk: &mut Walk<H>, id: ObjectId) {
         self.budget.spend(1.0);
         let occluder =
-            if H::IS_OF_SCENE { walk.scene().flagged_occluder(id) } else { walk.scene().occluder(id) };
+            if H::IS_OF_SCENE { walk.scene().mesh_of_occluder(id) } else { walk.scene().occluder(id) };
         let Some((mesh, ref transform)) = occluder else { return };
         let cost = self.map.cost(mesh) as f32;
         let worth = self.budget.worth(self.undecided.max(MIN_BEHIND));

@@ -3,11 +3,12 @@
 use super::{HiddenSets, Pvs, PvsTargets, Viewcells};
 use crate::{
     Aabb, Accuracy, CullStats, Culler, Object, ObjectId, Scene, View, VisibleSet,
+    binary_format::Fingerprint,
     bits::Bits,
     culler::Lack,
-    level_version::level_object,
+    level_version::{level_object, object_hash},
     pvs::ViewcellId,
-    scene::{Changes, SceneCursor, lanes},
+    scene::{Changes, SceneCursor, SharedTriangles, Triangles, lanes},
     stamp::Stamp,
     view::Eye,
     visible_set::add_to_masks,
@@ -36,6 +37,8 @@ pub struct ScenePvs {
     never_hidden: Vec<ObjectId>,
     /// Indices of the objects that hide others by the PVS.
     occluders: Bits,
+    /// What the same objects were like when the PVS was prepared, by ascending index.
+    occluder_states: Vec<OccluderState>,
     /// Distinct layer masks of the objects that hide others by the PVS: 0, which no view shows, for an object
     /// that may be absent from a frame, or elsewhere.
     occluder_layers: Vec<u32>,
@@ -44,6 +47,40 @@ pub struct ScenePvs {
     /// Whether the PVS is known to be of this scene: it was compared, or the caller promises it.
     is_checked: bool,
     stamp: Stamp,
+}
+
+/// What an occluder of a PVS was like when the PVS was prepared.
+#[derive(Clone, Debug)]
+struct OccluderState {
+    id: ObjectId,
+    /// Hash of bounds, layers, flags, and occluder mesh with its transform, and of whether the object is
+    /// always drawn.
+    hash: u64,
+    triangles: Option<SharedTriangles>,
+}
+
+impl OccluderState {
+    fn of(scene: &Scene, id: ObjectId) -> Self {
+        let mut hash = Fingerprint::new().with(scene.is_always_drawn(id).into());
+        if let Some((object, mesh)) = level_object(scene, id) {
+            hash = hash.with_u64(object_hash(&Object { cost: 0, ..object }, Triangles::default(), None));
+            if let Some((mesh, transform)) = mesh {
+                hash = hash.with_u64(mesh.fingerprint().value());
+                hash = transform.to_cols_array().into_iter().map(f32::to_bits).fold(hash, Fingerprint::with);
+            }
+        }
+        Self { id, hash: hash.value(), triangles: scene.shared_triangles(id).cloned() }
+    }
+
+    /// Returns whether both are states of one object, with the same content. Triangles that are stored anew
+    /// count as others.
+    fn is_same(&self, other: &Self) -> bool {
+        let is_same = match (&self.triangles, &other.triangles) {
+            (Some(own), Some(other)) => own.is_same(other),
+            (own, other) => own.is_none() && other.is_none(),
+        };
+        is_same && (self.id, self.hash) == (other.id, other.hash)
+    }
 }
 
 impl ScenePvs {
@@ -108,6 +145,7 @@ impl ScenePvs {
             target_limit,
             never_hidden,
             occluders: Bits::EMPTY,
+            occluder_states: Vec::new(),
             occluder_layers: Vec::new(),
             cursor: SceneCursor::at(scene),
             is_checked: true,
@@ -118,25 +156,36 @@ impl ScenePvs {
 
     /// Names the objects by which the PVS hides others, in place of the occluders that [`new`](Self::new)
     /// chose. Nothing is hidden any more once one of them changes in the scene (a wall is taken away), and in
-    /// views whose layers leave out one of them. Nothing is hidden at all if one of them is not [always
-    /// drawn](Scene::is_always_drawn) or is [never culled](Object::is_unculled). `scene` is the scene given
-    /// to [`new`](Self::new), unchanged since. Unknown objects are ignored.
+    /// views whose layers leave out one of them. A change that leaves bounds, layers, flags, mesh, triangles
+    /// and draw range as they were, such as one of the cost, does not count. Nothing is hidden at all if one
+    /// of them is not [always drawn](Scene::is_always_drawn) or is [never culled](Object::is_unculled).
+    /// `scene` is the scene given to [`new`](Self::new), unchanged since. Unknown objects are ignored.
     #[must_use]
     pub fn with_occluders(mut self, scene: &Scene, occluders: impl IntoIterator<Item = ObjectId>) -> Self {
         self.occluders = Bits::new(scene.index_limit());
         self.occluder_layers.clear();
+        self.occluder_states.clear();
         for id in occluders {
             if let Ok(object) = scene.object(id) {
                 let hides = scene.is_always_drawn(id) && !object.is_unculled();
                 self.occluders.insert(id.index());
+                self.occluder_states.push(OccluderState::of(scene, id));
                 self.occluder_layers.push(if hides { object.layers } else { 0 });
             }
         }
         self.occluder_layers.sort_unstable();
         self.occluder_layers.dedup();
+        self.occluder_states.sort_unstable_by_key(|state| state.id.index());
         // A culler that knows the set before has asked about other occluders.
         self.stamp = Stamp::new();
         self
+    }
+
+    /// Returns whether an object hides others by the PVS, and is as it was when the PVS was prepared.
+    fn is_unchanged_occluder(&self, scene: &Scene, id: ObjectId) -> bool {
+        let states = &self.occluder_states;
+        let place = states.partition_point(|state| state.id.index() < id.index());
+        states.get(place).is_some_and(|state| state.is_same(&OccluderState::of(scene, id)))
     }
 
     /// Marks the PVS as possibly made from another scene, or from an earlier state of this one. Its cullers
@@ -358,6 +407,9 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         self.changed.grow(scene.index_limit());
         let has_masks = self.masks_layout == scene.layout();
         for &id in ids {
+            if shared.is_unchanged_occluder(scene, id) {
+                continue;
+            }
             self.changed.insert(id.index());
             self.lost |= shared.occluders.contains(id.index());
             if has_masks {

@@ -44,7 +44,8 @@ const NOWHERE: u32 = u32::MAX;
 /// # Cost
 /// An update takes some nanoseconds for each object of the scene and each place, besides what the sets take,
 /// and a logarithmic time for each object that is loaded. While memory is full, an update also asks the size
-/// of each object that is needed and missing, and sorts the objects in memory that may be dropped. Once its
+/// of each object that is needed and missing, at most four times, and sorts the objects in memory that may be
+/// dropped. Whatever the sizes, the time is O(n log n). Once its
 /// scratch memory is large enough, an update allocates nothing, besides what the sets allocate.
 ///
 /// ```
@@ -88,8 +89,9 @@ pub struct Residency {
     hidden: Bits,
     /// Scratch: objects to load.
     missing: BinaryHeap<Ranked>,
-    /// Scratch: objects in memory that may be dropped, most urgent first. Empty until memory is short.
-    droppable: Vec<Ranked>,
+    /// Scratch: objects in memory that may be dropped, most urgent first, each with the sum of the bytes of
+    /// all objects up to and including it. Empty until memory is short.
+    droppable: Vec<(Ranked, u64)>,
 }
 
 /// An object with its urgency, which is its order: the sooner place is more urgent, and at one place the
@@ -176,7 +178,12 @@ impl Residency {
         self.debt -= paid;
         let mut left = budget - paid;
         self.is_complete = !places.is_empty();
+        // Number of sizes that may be asked to find objects without room among those that are left: one for
+        // each missing object, and two more for each that was taken out. So the sizes asked are at most four
+        // for each object, however often an object finds no room.
+        let mut credit = self.missing.len();
         while let Some(Ranked { place, object, .. }) = self.missing.pop() {
+            credit += 2;
             if left == 0 {
                 self.is_complete &= place > 0;
                 break;
@@ -189,7 +196,10 @@ impl Residency {
             if let Err(room) = self.make_room(bytes, place) {
                 self.is_complete &= place > 0;
                 // Less urgent objects find no more room than this one.
-                self.missing.retain(|other| size(other.object) <= room);
+                if let Some(rest) = credit.checked_sub(self.missing.len()) {
+                    credit = rest;
+                    self.missing.retain(|other| size(other.object) <= room);
+                }
                 continue;
             }
             let transfer = Transfer { object, bytes };
@@ -246,30 +256,32 @@ impl Residency {
             let place = self.needed[id.index()].min(unknown);
             if place > 0 {
                 let [min, max] = places.get(place as usize).copied().unwrap_or(first);
-                self.droppable.push(Ranked {
-                    place,
-                    importance: importance(scene, id, min, max),
-                    object: id,
-                });
+                let ranked = Ranked { place, importance: importance(scene, id, min, max), object: id };
+                self.droppable.push((ranked, 0));
             }
         }
-        self.droppable.sort_unstable_by(|a, b| b.cmp(a));
+        self.droppable.sort_unstable_by(|(a, _), (b, _)| b.cmp(a));
+        let mut sum = 0;
+        for (ranked, up_to) in &mut self.droppable {
+            // Resident objects fit into the limit together, so the sum does not overflow.
+            sum += self.resident[ranked.object.index()].map_or(0, |resident| resident.bytes);
+            *up_to = sum;
+        }
     }
 
     /// Drops objects needed later than `place`, the least urgent first, until `bytes` more bytes fit into
     /// memory. If dropping all of these objects does not suffice, drops none, and returns the number of bytes
-    /// that would fit without them.
+    /// that would fit without them. Takes logarithmic time, besides that for each object dropped.
     fn make_room(&mut self, bytes: u64, place: u32) -> Result<(), u64> {
-        let mut room = self.limit - self.bytes;
-        let mut kept = self.droppable.len();
-        while bytes > room {
-            let later = self.droppable[..kept].last().filter(|last| last.place > place);
-            let Some(last) = later else { return Err(room) };
-            room += self.resident[last.object.index()].map_or(0, |resident| resident.bytes);
-            kept -= 1;
+        let free = self.limit - self.bytes;
+        let up_to = |count: usize| count.checked_sub(1).map_or(0, |last| self.droppable[last].1);
+        let needed = self.droppable.partition_point(|(ranked, _)| ranked.place <= place);
+        let later = up_to(self.droppable.len()) - up_to(needed);
+        if bytes > free + later {
+            return Err(free + later);
         }
-        while self.droppable.len() > kept
-            && let Some(last) = self.droppable.pop()
+        while bytes > self.limit - self.bytes
+            && let Some((last, _)) = self.droppable.pop()
         {
             self.release(last.object.index());
         }

@@ -40,7 +40,9 @@ impl Scene {
     ///
     /// Bakes and other answers for [many frames](Self::is_always_drawn) do not use an object with a draw
     /// range as an occluder. A culler that works frame by frame does, as long as the object is in the set, so
-    /// a `ContributionCuller` must run before that culler.
+    /// a `ContributionCuller` must run before that culler. It does not if the range has a
+    /// [margin](DrawRange::margin) to fade over: what is transparent at some distances [hides
+    /// nothing](Self::can_occlude) at any.
     ///
     /// For two levels of detail of one thing set an [HLOD parent](Self::set_hlod_parent) too. With ranges
     /// alone, there are distances at which neither level is drawn if their bounds differ.

@@ -22,7 +22,8 @@ pub struct DrawRange {
     /// Greatest distance at which the object is drawn, in metres, inclusive; at least `begin`, or infinite.
     pub end: f32,
     /// Length in metres, inside the range, over which the object fades in from `begin` on and out up to
-    /// `end`; finite and not negative, 0 for no fading. A range from 0 does not fade in.
+    /// `end`; finite and not negative, 0 for no fading. A range from 0 does not fade in. An object that
+    /// [fades](Self::fades) hides nothing.
     pub margin: f32,
 }
 
@@ -31,7 +32,10 @@ impl DrawRange {
     pub const ALWAYS: Self = Self { begin: 0.0, end: f32::INFINITY, margin: 0.0 };
 
     /// Returns the opacity of an object at a distance in metres: 1 within the range, 0 outside of it and for
-    /// NaN. Within `margin` of `end`, and of `begin` unless that is 0, the opacity falls to 0 there.
+    /// NaN. Within `margin` of `end`, and of `begin` unless that is 0, the opacity falls to 0 there. Without
+    /// a `margin`, draw each object that a `ContributionCuller` of `visibility-frame` leaves in the set
+    /// opaque: its hysteresis keeps objects for a while beyond the ends of their ranges, and they hide others
+    /// there.
     pub fn opacity(&self, distance: f32) -> f32 {
         if !(distance >= self.begin && distance <= self.end) {
             return 0.0;
@@ -39,6 +43,13 @@ impl DrawRange {
         let ramp = |depth: f32| if depth < self.margin { depth / self.margin } else { 1.0 };
         let fade_in = if self.begin > 0.0 { ramp(distance - self.begin) } else { 1.0 };
         fade_in.min(ramp(self.end - distance))
+    }
+
+    /// Returns whether an object with this range is transparent at some distance at which it is drawn: it has
+    /// a `margin`, and an end or a begin to fade at. Such an object [hides
+    /// nothing](crate::Scene::can_occlude) at any distance.
+    pub fn fades(&self) -> bool {
+        self.margin > 0.0 && (self.begin > 0.0 || self.end < f32::INFINITY)
     }
 
     pub(super) fn is_valid(&self) -> bool {

@@ -145,7 +145,8 @@ pub struct Object {
     /// [`occluder`](Self::occluder): it may be elsewhere than its bounds, mesh and triangles say.
     pub never_cull: bool,
     /// Whether the object is opaque and may hide others. False by default, because a transparent object used
-    /// as an occluder hides visible objects.
+    /// as an occluder hides visible objects. An object that [fades](crate::scene::DrawRange::fades) hides
+    /// nothing, even if flagged.
     pub occluder: bool,
     /// Whether objects behind the object are drawn through it: glass, blended and alpha-tested surfaces.
     /// False by default. Such an object must not be an [`occluder`](Self::occluder): cullers do not read

@@ -460,21 +460,40 @@ impl Scene {
         self.contains(id) && self.placements.mesh(id.index).is_some()
     }
 
-    /// Returns the occluder mesh of an object and the transform from mesh to scene coordinates. `None` if the
-    /// object is unknown, has no mesh, is not flagged as an occluder or is [never
-    /// culled](crate::Object::is_unculled), and if the mesh reaches [out of the object's
-    /// bounds](Self::occluders_outside_bounds).
-    pub fn occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, Affine3A)> {
-        let slot = self.slot(id).ok()?;
-        if self.tree.occluders[slot.node()] >> slot.lane() & 1 == 0 || self.tree.is_unculled(slot) {
-            return None;
-        }
-        self.flagged_occluder(id)
+    /// Returns whether an object hides others in frames in which it is drawn: it is flagged as an
+    /// [occluder](Self::set_occluder), not [never culled](crate::Object::is_unculled), and does not
+    /// [fade](crate::scene::DrawRange::fades) by its [draw range](Self::set_draw_range). For cullers whose
+    /// occluders are not the [meshes](Self::occluder). False for an unknown object.
+    ///
+    /// ```
+    /// use visibility_core::{scene::DrawRange, Aabb, Object, Scene};
+    /// let mut scene = Scene::new();
+    /// let wall = Object { occluder: true, ..Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3])) };
+    /// let wall = scene.insert(wall);
+    /// assert!(scene.can_occlude(wall));
+    /// scene.set_draw_range(wall, DrawRange { end: 100.0, ..DrawRange::ALWAYS })?;
+    /// assert!(scene.can_occlude(wall));
+    /// scene.set_draw_range(wall, DrawRange { end: 100.0, margin: 20.0, ..DrawRange::ALWAYS })?;
+    /// assert!(!scene.can_occlude(wall));
+    /// # Ok::<(), visibility_core::scene::SceneError>(())
+    /// ```
+    pub fn can_occlude(&self, id: ObjectId) -> bool {
+        self.slot(id).is_ok_and(|slot| {
+            self.tree.occluding(slot.node()) >> slot.lane() & 1 != 0 && !self.tree.is_unculled(slot)
+        })
     }
 
-    /// Returns the same as [`occluder`](Self::occluder) for an object that is known to be in the scene and
-    /// flagged as an occluder. `None` if the object has no mesh, or its mesh is not within its bounds.
-    pub(crate) fn flagged_occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, Affine3A)> {
+    /// Returns the occluder mesh of an object and the transform from mesh to scene coordinates. `None` if the
+    /// object is unknown, has no mesh or [cannot occlude](Self::can_occlude), and if the mesh reaches [out of
+    /// the object's bounds](Self::occluders_outside_bounds).
+    pub fn occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, Affine3A)> {
+        if self.can_occlude(id) { self.mesh_of_occluder(id) } else { None }
+    }
+
+    /// Returns the same as [`occluder`](Self::occluder) for an object that is known to be in the scene and to
+    /// be able to [occlude](Self::can_occlude). `None` if the object has no mesh, or its mesh is not within
+    /// its bounds.
+    pub(crate) fn mesh_of_occluder(&self, id: ObjectId) -> Option<(&OccluderMesh, Affine3A)> {
         let mesh = self.placements.mesh(id.index).filter(|mesh| mesh.is_inside)?;
         Some((self.meshes.at(mesh.index)?, self.mesh_transform(id.index, mesh)))
     }
@@ -484,7 +503,7 @@ impl Scene {
     pub(crate) fn fetch_occluders(&self, ids: &[ObjectId; FAN_OUT], mask: u64) {
         let mut sum = 0;
         for lane in lanes(mask) {
-            if let Some((mesh, transform)) = self.flagged_occluder(ids[lane]) {
+            if let Some((mesh, transform)) = self.mesh_of_occluder(ids[lane]) {
                 sum ^= transform.translation.x.to_bits() ^ mesh.fetched();
             }
         }
@@ -536,6 +555,14 @@ impl Scene {
     pub(crate) fn unculled_occluders(&self) -> usize {
         let is_occluder = |(_, id): &(Aabb, ObjectId)| self.object(*id).is_ok_and(|object| object.occluder);
         self.tree.unculled_objects().filter(is_occluder).count()
+    }
+
+    /// Returns the number of objects that are flagged as occluders and
+    /// [fade](crate::scene::DrawRange::fades), so that they hide nothing. Takes time in proportion to the
+    /// number of leaves.
+    pub(crate) fn fading_occluders(&self) -> usize {
+        let fading = |leaf: usize| (self.tree.occluders[leaf] & !self.tree.occluding(leaf)).count_ones();
+        (0..self.tree.node_count()).map(|leaf| fading(leaf) as usize).sum()
     }
 
     /// Returns the number of objects that are flagged as occluders and have a mesh that reaches out of their

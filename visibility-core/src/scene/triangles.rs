@@ -156,6 +156,11 @@ impl SharedTriangles {
         Arc::ptr_eq(self.mesh(), other.mesh())
     }
 
+    /// Returns whether both are the same mesh in memory, at the same place. False for a NaN in a transform.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        self.shares_mesh(other) && self.view().transform == other.view().transform
+    }
+
     /// Returns the number of bytes of the mesh. All objects that share the mesh need these bytes once.
     pub fn mesh_memory(&self) -> usize {
         size_of::<Mesh>() + size_of_val(&self.mesh().triangles[..])

@@ -9,6 +9,7 @@ mod split_scratch;
 pub use result::BitsError;
 pub(crate) use split_scratch::{NewMasks, Part, SplitScratch};
 
+use crate::binary_format::Fingerprint;
 use crate::bits::Bits;
 use crate::scene::{NONE, Token, Tree, lanes};
 use crate::{Aabb, CullStats, ObjectId, Scene, View, stamp::Stamp};
@@ -597,18 +598,31 @@ impl VisibleSet {
         leaves.map(|&leaf| u64::from(scene.lanes_on_layers(leaf as usize, self.layers).count_ones())).sum()
     }
 
-    /// Calls `each` for the objects of the set that are flagged as occluders, in the order of the hierarchy.
-    /// Objects that are never culled are left out, even if flagged.
+    /// Calls `each` for the objects of the set that [can occlude](Scene::can_occlude), in the order of the
+    /// hierarchy: those flagged as occluders, without those that are never culled or fade.
     pub fn for_each_occluder(&self, scene: &Scene, mut each: impl FnMut(ObjectId)) {
         let mut walk = self.leaves(scene);
         loop {
             if scene.tree().root != NONE {
-                for lane in lanes(walk.mask & scene.tree().occluders[walk.leaf]) {
+                for lane in lanes(walk.mask & scene.tree().occluding(walk.leaf)) {
                     each(walk.ids[lane]);
                 }
             }
             if !walk.next_leaf() {
                 return;
+            }
+        }
+    }
+
+    /// Returns a hash of the objects of the set, by their places in the [layout](Scene::layout) of the scene,
+    /// and of the set's layers. Takes some nanoseconds for each leaf with an object of the set.
+    pub(crate) fn fingerprint(&self, scene: &Scene) -> Fingerprint {
+        let mut hash = Fingerprint::new().with(self.layers);
+        let mut walk = self.leaves(scene);
+        loop {
+            hash = hash.with(walk.leaf as u32).with_u64(walk.mask);
+            if !walk.next_leaf() {
+                return hash;
             }
         }
     }

@@ -200,11 +200,11 @@ impl Block<'_> {
     }
 
     /// Returns a mask of the lanes that may hold an occluder; bit i stands for lane i. In a leaf of the
-    /// scene's own hierarchy these are exactly the objects flagged as occluders; in its inner nodes the mask
-    /// is 0. In blocks of other hierarchies every occupied lane is set.
+    /// scene's own hierarchy these are exactly the objects that [can occlude](Scene::can_occlude); in its
+    /// inner nodes the mask is 0. In blocks of other hierarchies every occupied lane is set.
     pub fn occluders(&self) -> u64 {
         match self.children {
-            Children::Node { tree, node, .. } => tree.occluders[node],
+            Children::Node { tree, node, .. } => tree.occluding(node),
             Children::Listed(children) => first_lanes(children.len()),
         }
     }

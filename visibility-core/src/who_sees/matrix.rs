@@ -6,7 +6,7 @@ use crate::bits::Bits;
 use crate::cells::{CellGraph, CellGraphError};
 use crate::pvs::{Pvs, PvsTargets, ViewcellId, Viewcells};
 use crate::stamp::Stamp;
-use crate::{Aabb, RegionCuller, Scene, VisibleSet};
+use crate::{Aabb, ObjectId, RegionCuller, Scene, VisibleSet};
 use alloc::vec::Vec;
 use core::fmt;
 use glam::DVec3;
@@ -147,12 +147,17 @@ impl ViewcellMatrix {
 
     /// Makes the matrix of a scene: for each viewcell, a conservative culler tests the boxes of all viewcells
     /// as objects. Uses all threads with the feature `rayon`. The occluders of the scene must not move
-    /// afterwards.
+    /// afterwards. An occluder that is not on all layers hides nothing, since an observer whose view leaves
+    /// out its layers sees through it. If no observer does, pass a copy of the scene with these occluders on
+    /// all layers.
     ///
     /// A viewcell that a wall cuts sees both sides of the wall, so fit viewcells to rooms where possible, or
     /// make them small.
     pub fn of_scene<C: RegionCuller + Default>(scene: &Scene, viewcells: Viewcells) -> Self {
         let mut scene = scene.clone();
+        let is_layered = |&id: &ObjectId| scene.object(id).is_ok_and(|object| object.layers != u32::MAX);
+        let layered: Vec<ObjectId> = scene.ids().filter(is_layered).collect();
+        layered.into_iter().for_each(|id| _ = scene.set_occluder(id, false));
         let origin = scene.origin();
         let cells = viewcells.cells();
         let ids = scene.insert_batch(cells.iter().map(|cell| Aabb::from_world(cell.min, cell.max, origin)));

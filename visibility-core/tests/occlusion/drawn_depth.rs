@@ -241,3 +241,24 @@ fn a_second_look_ahead_asks_only_about_what_the_first_left_open() {
     });
     assert_eq!(asks, [true, false], "looks that ask about the hidden box");
 }
+
+#[test]
+fn a_still_camera_sees_every_change_of_the_candidates() {
+    for latency in 1..=3 {
+        let mut engine = Engine::new(latency);
+        for round in 0..2 {
+            let hidden: Vec<bool> = (0..SETTLING).map(|_| engine.frame(0)).collect();
+            let case = format!("round {round}, answers after {latency} looks");
+            assert!(!hidden[SETTLING - 1], "{case}: the hidden box is drawn: {hidden:?}");
+            // An earlier stage removes the wall. The map is told nothing.
+            engine.leaves_out_wall = true;
+            let shown: Vec<bool> = (0..SETTLING).map(|_| engine.frame(0)).collect();
+            assert_eq!(shown, [true; SETTLING], "{case}: the box in view is drawn");
+            engine.leaves_out_wall = false;
+        }
+        // Another layout of the same objects costs some frames, and hides again.
+        engine.scene.rebuild();
+        let hidden: Vec<bool> = (0..SETTLING).map(|_| engine.frame(0)).collect();
+        assert!(!hidden[SETTLING - 1], "after a rebuild, the hidden box is drawn: {hidden:?}");
+    }
+}

@@ -331,7 +331,9 @@ impl Apex<'_> {
             let d = p - facet.points[self.side];
             let above = sign * facet.normal.dot(d) + (doubt.slack * d.length() + doubt.blur);
             let along = facet.normal.dot(self.axis);
-            // Unlike `max`, this keeps a NaN.
+            if above.is_nan() {
+                return f64::NAN;
+            }
             depth = if above <= depth * along { depth } else { above / along };
         }
         depth
@@ -409,4 +411,30 @@ fn golden(reach: f64, mut value: impl FnMut(f64) -> f64) -> (f64, f64) {
         }
     }
     if at_x < at_y { (x, at_x) } else { (y, at_y) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plane_that_is_nan_has_no_apex_wherever_it_is_listed() {
+        let facet = |height: f64| Facet { normal: DVec3::Z, points: [DVec3::Z * height; 2], extent: 1.0 };
+        for (count, nan) in [(1, 0), (3, 0), (3, 1), (3, 2)] {
+            for side in 0..2 {
+                let mut facets: Vec<Facet> = (0..count).map(|i| facet(f64::from(i))).collect();
+                let (axis, sides) = (DVec3::Z, [DVec3::X, DVec3::Y]);
+                let apex = |facets: &[Facet]| {
+                    let (doubt, center) = (Doubt::MIN, DVec3::ZERO);
+                    let apex = Apex { facets, doubt, axis, sides, center, size: 1.0, side };
+                    (apex.depth(DVec3::ZERO, Doubt::MIN), apex.find())
+                };
+                let (depth, found) = apex(&facets);
+                assert!(depth.is_finite() && found.is_some(), "side {side} of {count} planes: {depth}");
+                facets[nan].points = [DVec3::NAN; 2];
+                let (depth, found) = apex(&facets);
+                assert!(depth.is_nan() && found.is_none(), "side {side}, plane {nan} of {count}: {depth}");
+            }
+        }
+    }
 }

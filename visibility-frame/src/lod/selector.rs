@@ -32,7 +32,8 @@ pub struct Lod {
     /// Opacity of the object by its [draw range](visibility_core::scene::DrawRange::opacity), from 0 to 1. An
     /// object and its [HLOD parent](Scene::set_hlod_parent) do not fade towards each other: 1 for either,
     /// since a `ContributionCuller` leaves only the one that is drawn. 1 also for a range without a margin,
-    /// which that culler alone keeps, with its hysteresis, and for an object that is never culled.
+    /// which that culler alone keeps, with its hysteresis, and for an object that is never culled. So it is 1
+    /// for every object that [can occlude](Scene::can_occlude).
     pub opacity: f32,
 }
 

@@ -1,6 +1,7 @@
 //! Tests of the contribution culler against brute force over all objects, with camera parameters rather than
 //! clip matrices, and with other cullers.
 
+mod fading;
 mod size_limits;
 mod stand_ins;
 

@@ -23,7 +23,8 @@
 //! what is drawn.
 //!
 //! The depth buffer holds what the engine has drawn, which may be any object. So an answer also proves
-//! nothing about another state of the scene: a still camera uses answers only until the scene changes.
+//! nothing about another state of the scene, nor about other candidates: a still camera uses answers only
+//! until the scene or the incoming set changes.
 
 mod boxes;
 mod device;
@@ -50,11 +51,13 @@ use glam::{Affine3A, DVec3};
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum LateAnswers {
-    /// An answer is used only if view, scene and occluders are the same as when its query was issued;
-    /// otherwise the box counts as visible. A still camera culls every hidden box, until the scene changes. A
-    /// moving camera, or one whose scene changes in each frame, culls nothing, since answers arrive at least
-    /// one frame late, unless the engine [looks ahead](OcclusionCuller::look_ahead). Nothing visible is ever
-    /// hidden, if [`HardwareQueries::invalidate`] reports what the culler cannot see.
+    /// An answer is used only if view, scene, candidates and occluders are the same as when its query was
+    /// issued; otherwise the box counts as visible. Candidates are the objects that earlier stages have left
+    /// in the set. A still camera culls every hidden box, until the scene or the candidates change. A moving
+    /// camera, or one whose scene changes in each frame, culls nothing, since answers arrive at least one
+    /// frame late, unless the engine [looks ahead](OcclusionCuller::look_ahead). Nothing visible is ever
+    /// hidden, if [`HardwareQueries::invalidate`] reports what the culler cannot see: other levels of detail,
+    /// fading, animation, materials, and the like.
     Visible,
     /// Answers for a frame at most `frames` frames old are used. An object that comes into view may appear
     /// late by that number of frames.
@@ -98,8 +101,8 @@ pub struct HardwareQueries<D> {
     /// Number of frames begun so far, which is also the number of the present frame. All looks at a frame
     /// share its number.
     frame: u64,
-    /// Number of the first frame whose answers are about the present depth buffer: view, scene and occluders
-    /// have been the same since. The present frame, if it began with a look ahead.
+    /// Number of the first frame whose answers are about the present depth buffer: view, scene, candidates
+    /// and occluders have been the same since. The present frame, if it began with a look ahead.
     since: u64,
     /// View of the present frame. `None` before the first frame, and when the depth buffer will differ for
     /// another reason.
@@ -156,11 +159,18 @@ impl<D: QueryDevice> HardwareQueries<D> {
     }
 
     /// Tells the map that the depth buffer will differ from the frame before for reasons that the culler
-    /// cannot see: something has moved, gone or appeared that is drawn but is no object of the scene, or
-    /// objects are left out of the set or put into it by hand. To be called before the frame is culled.
-    /// [`LateAnswers::Visible`] then uses no answer for an earlier frame.
+    /// cannot see. To be called before the frame is culled. [`LateAnswers::Visible`] then uses no answer for
+    /// an earlier frame. The reasons are:
     ///
-    /// There is no need to call it for another view, scene or origin, nor for changes of the scene. A frame
+    /// - Something has moved, gone or appeared that is drawn but is no object of the scene.
+    /// - Objects are left out of the set, or put into it, after the cull: by later stages or by hand.
+    /// - An object is drawn otherwise, within the same bounds: at another level of detail or opacity, in
+    ///   another pose, with another material, mask or displacement.
+    /// - The samples of the picture are others with an equal view: another resolution, or a jitter that is
+    ///   not in the view's matrix.
+    ///
+    /// There is no need to call it for another view, scene or origin, nor for changes of the scene or of the
+    /// candidates that the earlier stages leave. A frame
     /// that [looks ahead](OcclusionCuller::look_ahead) does not need it either: it uses no answers for
     /// earlier frames. [`LateAnswers::Trusted`] is not affected.
     pub fn invalidate(&mut self) {
@@ -285,6 +295,11 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
 
     fn scene_changed(&mut self) {
         self.invalidate();
+    }
+
+    fn candidates_changed(&mut self) {
+        // Answers to earlier looks of this frame still count: what these looks left has been drawn.
+        self.since = self.frame;
     }
 
     fn reset(&mut self) {

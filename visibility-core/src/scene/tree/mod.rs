@@ -211,6 +211,16 @@ impl Tree {
         }
     }
 
+    /// Returns a mask of the objects of a leaf that hide others where they are drawn: those flagged as
+    /// occluders, but for those that [fade](crate::scene::DrawRange::fades). Bit i stands for lane i; 0 for
+    /// inner nodes.
+    #[inline]
+    pub(crate) fn occluding(&self, leaf: usize) -> u64 {
+        let flagged = self.occluders[leaf];
+        let fades = |&lane: &usize| self.detail(self.ids[leaf][lane].index()).range.fades();
+        lanes(flagged & self.detailed[leaf]).filter(fades).fold(flagged, |mask, lane| mask & !(1 << lane))
+    }
+
     /// Makes a node the child in a lane of an inner node, with the hull of the child as the lane's bounds.
     /// The boxes of the nodes above are not updated.
     pub(super) fn attach(&mut self, parent: Slot, child: u32) {
