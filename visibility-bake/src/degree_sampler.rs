@@ -199,7 +199,7 @@ fn sampled(scene: &Scene, index: u32) -> Sampled {
         Some((id, object))
             if !object.is_unculled() && scene.triangles(id).is_ok_and(|all| !all.is_empty()) =>
         {
-            if object.occluder { Sampled::Opaque } else { Sampled::SeeThrough }
+            if object.occluder && object.layers != 0 { Sampled::Opaque } else { Sampled::SeeThrough }
         }
         _ => Sampled::Unknown,
     }

@@ -12,9 +12,9 @@ use visibility_core::pvs::{SampledDegree, Viewcells};
 pub struct Degrees {
     /// Also estimate how much of each object shows from each viewcell, by pictures from EYES random points in
     /// it, for levels of detail and for streaming. Nothing is hidden by these estimates unless the game asks
-    /// for it. Takes time beyond --time: about a third of a second for a viewcell of a furnished floor with 32
-    /// eyes. By default none.
-    #[arg(long, value_name = "EYES", num_args = 0..=1, default_missing_value = "32", conflicts_with = "memory",
+    /// for it. Takes time beyond --time: about a second for a viewcell of a furnished floor with 32 eyes, the
+    /// number if none is given. By default nothing is estimated.
+    #[arg(long, value_name = "EYES", num_args = 0..=1, require_equals = true, default_missing_value = "32", conflicts_with = "memory",
         value_parser = clap::value_parser!(u32).range(1..=1 << 16))]
     pub degrees: Option<u32>,
 }
