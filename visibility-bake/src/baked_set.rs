@@ -255,12 +255,13 @@ impl BakedSet {
     /// Adds degrees of visibility, in place of those that the set has: for each viewcell, the degree of each
     /// object of its [row](Self::row), which a [`DegreeSampler`](crate::DegreeSampler) with `eyes` eyes
     /// estimated. They hide nothing, unless a culler is [told
-    /// to](visibility_core::pvs::PvsCuller::with_least_degree). Time is linear in the lengths of the rows, plus
-    /// the sorting of classes.
+    /// to](visibility_core::pvs::PvsCuller::with_least_degree). Time is linear in the lengths of the rows,
+    /// plus the sorting of classes.
     ///
     /// # Errors
-    /// [`BakedSetError::Rows`] if there is not one list for each viewcell, [`BakedSetError::Degrees`] if a list
-    /// has not one degree for each object, [`BakedSetError::Pvs`] if `eyes` is 0 or the sizes exceed 32 bits.
+    /// [`BakedSetError::Rows`] if there is not one list for each viewcell, [`BakedSetError::Degrees`] if a
+    /// list has not one degree for each object, [`BakedSetError::Pvs`] if `eyes` is 0 or the sizes exceed 32
+    /// bits.
     pub fn with_degrees(self, degrees: &[Vec<SampledDegree>], eyes: u32) -> Result<Self, BakedSetError> {
         let count = self.viewcells.cells().len();
         if degrees.len() != count {
@@ -268,8 +269,8 @@ impl BakedSet {
         }
         let mut objects = vec![Vec::new(); self.class_count];
         for_each_in_classes(&self.classes, self.index_limit, |class, index| objects[class].push(index));
-        // For each degree, the rows of the objects with that degree or a greater one. Objects of one class have
-        // the same degrees everywhere.
+        // For each degree, the rows of the objects with that degree or a greater one. Objects of one class
+        // have the same degrees everywhere.
         let mut rows: [Vec<Vec<u32>>; 4] = Default::default();
         let mut bits = Vec::new();
         for (viewcell, degrees) in (0..).map(ViewcellId).zip(degrees) {

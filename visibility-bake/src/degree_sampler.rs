@@ -12,11 +12,12 @@ use visibility_core::{Pose, Scene, View};
 use visibility_measure::{DrawnObject, ItemBuffer, MeasureError};
 
 /// Columns and rows of each of the six pictures from an eye. The greatest pixel, in the middle, covers
-/// `(2 / SIDE)^2 = 2^-14` steradians, the least of the [limits](visibility_core::pvs::SampledDegrees::LIMITS).
+/// `(2 / SIDE)^2 = 2^-14` steradians, the least of the
+/// [limits](visibility_core::pvs::SampledDegrees::LIMITS).
 const SIDE: u32 = 256;
 
-/// Points that are drawn in the box of a viewcell for each eye before the viewcell is given up: cut by planes,
-/// it then fills less than about a hundredth of its box.
+/// Points that are drawn in the box of a viewcell for each eye before the viewcell is given up: cut by
+/// planes, it then fills less than about a hundredth of its box.
 const TRIES: u32 = 128;
 
 /// Near distance of the pictures, as a fraction of the diagonal of the viewcell's box.
@@ -31,7 +32,8 @@ const NEAR: f64 = 1e-3;
 /// use visibility_core::{Aabb, Scene, glam::{DVec3, Vec3}};
 /// let mut scene = Scene::new();
 /// let tile = scene.insert(Aabb::from_arrays([5.0, 0.0, 0.0], [5.0, 1.0, 1.0]));
-/// scene.set_triangles(tile, [[Vec3::new(5.0, 0.0, 0.0), Vec3::new(5.0, 1.0, 0.0), Vec3::new(5.0, 0.0, 1.0)]])?;
+/// let corner = |y: f32, z: f32| Vec3::new(5.0, y, z);
+/// scene.set_triangles(tile, [[corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)]])?;
 /// let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
 /// // Half a square metre, 4 to 5 metres away: more than .02 steradians.
 /// let degrees = DegreeSampler::new(32)?.sample(&scene, &cell, &[0], |_index| false);
@@ -87,10 +89,10 @@ impl DegreeSampler {
         self.eyes
     }
 
-    /// Returns the degree of each object of a viewcell's row, in the order of the row. `row` lists the indices
-    /// of all objects that may be visible from the viewcell: only these are drawn, since no other comes before
-    /// them. `is_seen` returns whether an object is known to be seen along some line of sight: its degree is
-    /// then at least [`Hardly`](SampledDegree::Hardly).
+    /// Returns the degree of each object of a viewcell's row, in the order of the row. `row` lists the
+    /// indices of all objects that may be visible from the viewcell: only these are drawn, since no other
+    /// comes before them. `is_seen` returns whether an object is known to be seen along some line of sight:
+    /// its degree is then at least [`Hardly`](SampledDegree::Hardly).
     ///
     /// Objects that are not occluders of a bake are drawn and hide nothing. An object without triangles, or
     /// that is never culled, is [`Widely`](SampledDegree::Widely) visible, and so are all objects of a
@@ -98,8 +100,8 @@ impl DegreeSampler {
     /// finite. A see-through object counts in full pixels of the middle of a picture, so that its degree may
     /// be too great.
     ///
-    /// The answer depends on scene, viewcell, row and number of eyes alone. Takes the time to draw all objects
-    /// of the row six times for each eye.
+    /// The answer depends on scene, viewcell, row and number of eyes alone. Takes the time to draw all
+    /// objects of the row six times for each eye.
     pub fn sample(
         &mut self,
         scene: &Scene,
@@ -205,9 +207,9 @@ fn sampled(scene: &Scene, index: u32) -> Sampled {
     }
 }
 
-/// Draws points of a viewcell, evenly and independently: points of its box that its planes do not cut off. The
-/// numbers follow from the box, so that they do not depend on other viewcells. `None` in place of a point if
-/// none is found.
+/// Draws points of a viewcell, evenly and independently: points of its box that its planes do not cut off.
+/// The numbers follow from the box, so that they do not depend on other viewcells. `None` in place of a point
+/// if none is found.
 fn eyes(viewcell: &Viewcell, count: u32) -> impl Iterator<Item = Option<DVec3>> {
     let seed = Fingerprint::new().with_dvec3(viewcell.min).with_dvec3(viewcell.max).value();
     let mut state = seed;

@@ -11,7 +11,8 @@
 //!   others.
 //! - [`BakeCache`] keeps results with hashes of their input, so that a bake of an edited level only repeats
 //!   work that the edit affects.
-//! - [`DegreeSampler`] estimates how much of each object shows from a viewcell, by pictures from sampled eyes.
+//! - [`DegreeSampler`] estimates how much of each object shows from a viewcell, by pictures from sampled
+//!   eyes.
 //! - [`BakedSet`] is the file that a game loads: viewcells with their potentially visible sets, and degrees
 //!   of visibility if they were sampled.
 //!

@@ -233,8 +233,8 @@ fn a_set_keeps_its_rows_and_its_degrees_in_its_file() {
     assert!(plain.with_degrees(&degrees, 0).is_err(), "no eyes");
 }
 
-/// Returns a file with the header of another and other content, and the place in the content where the degrees
-/// begin.
+/// Returns a file with the header of another and other content, and the place in the content where the
+/// degrees begin.
 fn with_content(file: &[u8], change: impl FnOnce(&mut Vec<u8>, usize)) -> Vec<u8> {
     let mut content = decompress_to_vec(&file[COMPRESSED..]).unwrap();
     let pvs = content.windows(8).position(|window| window == b"VISI-PVS").unwrap();

@@ -25,8 +25,8 @@ impl Degrees {
         self.degrees
     }
 
-    /// Samples the degree of each reported object of each viewcell, on as many threads as the machine has. The
-    /// result is the same for any number.
+    /// Samples the degree of each reported object of each viewcell, on as many threads as the machine has.
+    /// The result is the same for any number.
     ///
     /// # Errors
     ///

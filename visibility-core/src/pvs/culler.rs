@@ -391,8 +391,8 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         Self { least, is_entered: false, ..self }
     }
 
-    /// Takes in the viewcells of a view as [`cull`](Culler::cull) does, without a set to cull. For a reader of
-    /// [degrees](Self::degree) beside a pipeline, which owns its cullers.
+    /// Takes in the viewcells of a view as [`cull`](Culler::cull) does, without a set to cull. For a reader
+    /// of [degrees](Self::degree) beside a pipeline, which owns its cullers.
     pub fn look(&mut self, scene: &Scene, view: &View) {
         self.enter(scene, view);
     }

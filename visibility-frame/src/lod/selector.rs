@@ -219,9 +219,10 @@ impl LodSelector {
     }
 
     /// Chooses levels as [`select`](Self::select) does, for objects of which only a part shows: the more
-    /// hidden an object, the coarser its level. `shown` returns the greatest angle in radians across what shows
-    /// of an object, infinity if that is not known. The size by which the level is chosen is at most that
-    /// angle in pixels, in the middle of the picture. In a parallel view all levels are those of `select`.
+    /// hidden an object, the coarser its level. `shown` returns the greatest angle in radians across what
+    /// shows of an object, infinity if that is not known. The size by which the level is chosen is at most
+    /// that angle in pixels, in the middle of the picture. In a parallel view all levels are those of
+    /// `select`.
     ///
     /// The angle is usually that of a [degree](visibility_core::pvs::SampledDegree::most_shown_angle), an
     /// estimate: a coarser level than that of the object's size may show in more pixels than estimated.
