@@ -114,7 +114,7 @@ fn ask(rounds: usize) -> [usize; 2] {
                 Prefetch::new().search(&sets, DVec3::splat(0.5), DVec3::ONE, 0.1, 3.0);
                 let mut by_degree = PvsCuller::new(sets.clone()).with_least_degree(SampledDegree::Partly);
                 by_degree.cull(&scene, &view, &mut VisibleSet::new());
-                scene.ids().for_each(|id| drop(by_degree.degree(id)));
+                scene.ids().for_each(|id| _ = by_degree.degree(id));
                 Pipeline::new().with(PvsCuller::new(sets)).cull(&scene, &view, &mut VisibleSet::new());
             }
         }
