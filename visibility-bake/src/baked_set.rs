@@ -9,34 +9,23 @@
 use crate::cell_sandwich::CellSandwich;
 use crate::deflated::{deflated, inflated};
 use crate::fingerprints::BakeSource;
+use crate::object_classes::{class_bytes, classes, count_classes, for_each_in_classes};
 use crate::object_facts::bounds_fingerprint;
 use crate::tiled_scene::TiledScene;
 use std::borrow::Cow;
-use std::collections::HashMap;
 use std::fmt;
-use visibility_core::binary_format::{Format, FormatError, Reader, Writer, push_number, take_number};
+use visibility_core::binary_format::{Format, FormatError, Reader, Writer};
 use visibility_core::bits::Bits;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::level_version::level_object;
 use visibility_core::pvs::{
-    Pvs, PvsError, PvsTargets, ScenePvs, Viewcell, ViewcellId, Viewcells, check_rows,
+    Pvs, PvsError, PvsTargets, SampledDegree, SampledDegrees, ScenePvs, Viewcell, ViewcellId, Viewcells,
+    check_rows,
 };
 use visibility_core::{Aabb, Object, ObjectId, Scene, level_version};
 
-const FORMAT: Format = Format { magic: *b"VISI-SET", version: 8 };
-
-/// [`tour`] compares a column with at most this many columns on either side of it in the list, to find the
-/// most similar one.
-const TRIED: usize = 128;
-
-/// Approximate limit on the work of [`tour`], in compared pairs of 64-bit words. If there are many or long
-/// columns, each is compared with fewer than [`TRIED`] on either side, but with at least one.
-const WORK: usize = 1 << 31;
-
-/// Greatest number of 64-bit words of the bit table of [`tour`]: 64 MiB. The table has one bit for each pair
-/// of a row and a column. A larger table is not made, and the columns keep their order.
-const MAX_WORDS: usize = 1 << 23;
+const FORMAT: Format = Format { magic: *b"VISI-SET", version: 9 };
 
 /// Exclusive upper limit of the object indices that the classes can store.
 const INDEX_LIMIT: usize = 1 << 29;
@@ -90,6 +79,8 @@ pub struct BakedSet {
     /// For each viewcell, the numbers of the classes seen from it. The number after the last class stands for
     /// all objects of no class, and is seen from no viewcell.
     pvs: Pvs,
+    /// Degrees in which the viewcells see the classes. `None` if they were not sampled.
+    degrees: Option<SampledDegrees>,
 }
 
 /// Reasons why a set cannot be made, read or used.
@@ -109,6 +100,11 @@ pub enum BakedSetError {
     },
     /// A viewcell has more than 4,096 planes.
     Planes {
+        /// The first such viewcell.
+        viewcell: ViewcellId,
+    },
+    /// The degrees of visibility of a viewcell are not one for each object of its row.
+    Degrees {
         /// The first such viewcell.
         viewcell: ViewcellId,
     },
@@ -134,6 +130,9 @@ impl fmt::Display for BakedSetError {
             Self::Rows { viewcells, rows } => write!(f, "{viewcells} viewcells, but {rows} rows"),
             Self::Planes { viewcell } => {
                 write!(f, "viewcell {} has more than {PLANES} planes", viewcell.0)
+            }
+            Self::Degrees { viewcell } => {
+                write!(f, "viewcell {} has not one degree for each object of its row", viewcell.0)
             }
             Self::OtherScene => write!(
                 f,
@@ -291,20 +290,71 @@ impl BakedSet {
             return Err(PvsError::Size.into());
         }
         let (classes, rows) = classes(rows, index_limit);
-        // The last target represents objects of no class, which no viewcell sees.
-        let pvs = Pvs::new(PvsTargets::Objects, classes.len() + 1, &rows, |ViewcellId(number)| {
-            let cell = &cells[number as usize];
-            let mut bases = Vec::new();
-            viewcells.for_each_touching(cell.min, cell.max, |other| {
-                if other.0 < number && bases.len() < BASES {
-                    bases.push(other);
-                }
-            });
-            bases
-        })?;
+        let pvs = stored_rows(&viewcells, classes.len(), &rows)?;
         let (class_count, classes) = (classes.len(), class_bytes(&classes));
-        let is_checked = false;
-        Ok(Self { version, bounds, is_checked, index_limit, occluders, viewcells, classes, class_count, pvs })
+        let (is_checked, degrees) = (false, None);
+        Ok(Self {
+            version,
+            bounds,
+            is_checked,
+            index_limit,
+            occluders,
+            viewcells,
+            classes,
+            class_count,
+            pvs,
+            degrees,
+        })
+    }
+
+    /// Adds degrees of visibility, in place of those that the set has: for each viewcell, the degree of each
+    /// object of its [row](Self::row), which a [`DegreeSampler`](crate::DegreeSampler) with `eyes` eyes
+    /// estimated. They hide nothing, unless a culler is [told
+    /// to](visibility_core::pvs::PvsCuller::with_least_degree). Time is linear in the lengths of the rows,
+    /// plus the sorting of classes.
+    ///
+    /// # Errors
+    /// [`BakedSetError::Rows`] if there is not one list for each viewcell, [`BakedSetError::Degrees`] if a
+    /// list has not one degree for each object, [`BakedSetError::Pvs`] if `eyes` is 0 or the sizes exceed 32
+    /// bits.
+    pub fn with_degrees(self, degrees: &[Vec<SampledDegree>], eyes: u32) -> Result<Self, BakedSetError> {
+        let count = self.viewcells.cells().len();
+        if degrees.len() != count {
+            return Err(BakedSetError::Rows { viewcells: count, rows: degrees.len() });
+        }
+        let mut objects = vec![Vec::new(); self.class_count];
+        for_each_in_classes(&self.classes, self.index_limit, |class, index| objects[class].push(index));
+        // For each degree, the rows of the objects with that degree or a greater one. Objects of one class
+        // have the same degrees everywhere.
+        let mut rows: [Vec<Vec<u32>>; 4] = Default::default();
+        let mut bits = Vec::new();
+        for (viewcell, degrees) in (0..).map(ViewcellId).zip(degrees) {
+            self.pvs.write_bits(viewcell, &mut bits);
+            let bits = Bits::from(std::mem::take(&mut bits));
+            let classes = objects.iter().enumerate().filter(|&(class, _)| bits.contains(class));
+            let mut row: Vec<u32> = classes.flat_map(|(_, objects)| objects).copied().collect();
+            row.sort_unstable();
+            if row.len() != degrees.len() {
+                return Err(BakedSetError::Degrees { viewcell });
+            }
+            for (least, rows) in SampledDegree::ALL.into_iter().zip(&mut rows) {
+                let of = row.iter().zip(degrees).filter(|&(_, &degree)| degree >= least);
+                rows.push(of.map(|(&index, _)| index).collect());
+            }
+        }
+        let (classes, rows) = classes(&rows.concat(), self.index_limit);
+        let stored =
+            |at: usize| stored_rows(&self.viewcells, classes.len(), &rows[at * count..(at + 1) * count]);
+        let pvs = stored(0)?;
+        let degrees = Some(SampledDegrees::new(&pvs, eyes, [stored(1)?, stored(2)?, stored(3)?])?);
+        let (class_count, classes) = (classes.len(), class_bytes(&classes));
+        Ok(Self { classes, class_count, pvs, degrees, ..self })
+    }
+
+    /// Returns the degrees of visibility of the set. `None` if they were not
+    /// [sampled](crate::DegreeSampler).
+    pub fn degrees(&self) -> Option<&SampledDegrees> {
+        self.degrees.as_ref()
     }
 
     /// Returns the version of the level from which the set was baked: its
@@ -342,7 +392,9 @@ impl BakedSet {
 
     /// Returns the number of bytes of the sets in memory, without the viewcells.
     pub fn set_bytes(&self) -> usize {
-        self.classes.len() + self.pvs.as_bytes().len()
+        let of_degrees = |least| Some(self.degrees()?.at_least(least)?.as_bytes().len());
+        let degrees: usize = SampledDegree::ALL.into_iter().filter_map(of_degrees).sum();
+        self.classes.len() + self.pvs.as_bytes().len() + degrees
     }
 
     /// Returns an exclusive upper bound on the indices of the objects that the set was baked from.
@@ -421,8 +473,12 @@ impl BakedSet {
         let target = |index| place(&targets, index).map_or(u32::MAX, |at| targets[at].1);
         let pairs = objects.iter().map(|&(id, index)| (id, target(index)));
         let occluders = objects.iter().filter(|&&(_, index)| self.is_occluder(index));
-        let sets = ScenePvs::new(scene, self.pvs.clone(), self.viewcells.clone(), pairs)
+        let mut sets = ScenePvs::new(scene, self.pvs.clone(), self.viewcells.clone(), pairs)
             .with_occluders(scene, occluders.map(|&(id, _)| id));
+        if let Some(degrees) = &self.degrees {
+            // They are of this PVS: the set was made or read with both.
+            let _ = sets.set_degrees(degrees.clone());
+        }
         let has_occluders = self.occluders.iter().all(|index| place(&targets, index as u32).is_some());
         if self.is_checked && has_occluders { sets } else { sets.unchecked() }
     }
@@ -480,6 +536,14 @@ impl BakedSet {
         to.bytes(&self.classes);
         to.u32(self.pvs.as_bytes().len() as u32);
         to.bytes(self.pvs.as_bytes());
+        to.u32(self.degrees.as_ref().map_or(0, SampledDegrees::eyes));
+        if let Some(degrees) = &self.degrees {
+            to.u64s(SampledDegrees::LIMITS.map(f64::to_bits));
+            for set in SampledDegree::ALL.into_iter().filter_map(|least| degrees.at_least(least)) {
+                to.u32(set.as_bytes().len() as u32);
+                to.bytes(set.as_bytes());
+            }
+        }
         deflated(FORMAT, self.version, to)
     }
 
@@ -532,6 +596,20 @@ impl BakedSet {
             .ok_or_else(|| from.content_error("classes of objects are out of order, repeated or cut off"))?;
         let length = from.u32()? as usize;
         let pvs = Pvs::from_bytes(from.bytes(length)?.to_vec())?;
+        let eyes = from.u32()?;
+        let mut sets = None;
+        if eyes > 0 {
+            if floats(&mut from, 3)? != SampledDegrees::LIMITS {
+                return Err(from
+                    .content_error("the limits of the degrees are not those of this release")
+                    .into());
+            }
+            let mut next = || -> Result<Pvs, BakedSetError> {
+                let length = from.u32()? as usize;
+                Ok(Pvs::from_bytes(from.bytes(length)?.to_vec())?)
+            };
+            sets = Some([next()?, next()?, next()?]);
+        }
         from.end()?;
         // The parts of the file must agree, or a query would read beyond the end of one.
         if pvs.viewcell_count() != cells.len() {
@@ -540,6 +618,7 @@ impl BakedSet {
         if pvs.target_count() != class_count + 1 {
             return Err(from.content_error("the numbers of classes and of targets differ").into());
         }
+        let degrees = sets.map(|sets| SampledDegrees::new(&pvs, eyes, sets)).transpose()?;
         let viewcells = match divided.as_deref() {
             Some(&[a, b, c, d, e, f, misplacement]) => {
                 Viewcells::of_divided_box(cells, DVec3::new(a, b, c), DVec3::new(d, e, f), misplacement)
@@ -547,182 +626,39 @@ impl BakedSet {
             _ => Viewcells::new(cells),
         };
         let is_checked = false;
-        Ok(Self { version, bounds, is_checked, index_limit, occluders, viewcells, classes, class_count, pvs })
+        Ok(Self {
+            version,
+            bounds,
+            is_checked,
+            index_limit,
+            occluders,
+            viewcells,
+            classes,
+            class_count,
+            pvs,
+            degrees,
+        })
     }
 }
 
-/// Sorts objects that are in the same rows into classes. Returns the objects of each class, and the rows as
-/// lists of classes. Time is linear in the lengths of the rows, plus the sorting of classes.
-fn classes<R: AsRef<[u32]>>(rows: &[R], index_limit: usize) -> (Vec<Vec<u32>>, Vec<Vec<u32>>) {
-    // Each row splits the classes of its objects: objects in the row become new classes. Class 0 is in no
-    // row.
-    let (mut class_of, mut count) = (vec![0u32; index_limit], 1u32);
-    let mut parts = HashMap::new();
-    for row in rows {
-        parts.clear();
-        for &index in row.as_ref() {
-            let class = &mut class_of[index as usize];
-            *class = *parts.entry(*class).or_insert_with(|| {
-                count += 1;
-                count - 1
-            });
-        }
-    }
-    // For each class, the rows that it is in. Sorting by these lists puts similar classes close together.
-    let mut columns: Vec<(Vec<u32>, u32)> = (0..count).map(|class| (Vec::new(), class)).collect();
-    for (number, row) in (0..).zip(rows) {
-        for &index in row.as_ref() {
-            let column = &mut columns[class_of[index as usize] as usize].0;
-            if column.last() != Some(&number) {
-                column.push(number);
+/// Stores rows of classes. A row may be stored as the difference from that of another viewcell that touches
+/// its own. The last target, the number of classes, stands for objects of no class, which no viewcell sees.
+fn stored_rows(viewcells: &Viewcells, class_count: usize, rows: &[Vec<u32>]) -> Result<Pvs, PvsError> {
+    Pvs::new(PvsTargets::Objects, class_count + 1, rows, |ViewcellId(number)| {
+        let cell = &viewcells.cells()[number as usize];
+        let mut bases = Vec::new();
+        viewcells.for_each_touching(cell.min, cell.max, |other| {
+            if other.0 < number && bases.len() < BASES {
+                bases.push(other);
             }
-        }
-    }
-    columns.retain(|(column, _)| !column.is_empty());
-    columns.sort_unstable();
-    let columns = tour(columns, rows.len());
-    let mut number_of = vec![None; count as usize];
-    let mut by_class = vec![Vec::new(); rows.len()];
-    for (number, (column, class)) in (0..).zip(&columns) {
-        number_of[*class as usize] = Some(number as usize);
-        column.iter().for_each(|&row| by_class[row as usize].push(number));
-    }
-    let mut classes = vec![Vec::new(); columns.len()];
-    for (index, &class) in (0..).zip(&class_of) {
-        if let Some(number) = number_of[class as usize] {
-            classes[number].push(index);
-        }
-    }
-    (classes, by_class)
-}
-
-/// Orders columns so that similar ones are consecutive. A column is a class: the numbers of the rows that
-/// contain the class, and the class's number. The next column is the most similar one of at most [`TRIED`]
-/// columns before and after the last one in the list, without those that are ordered already. Time is linear
-/// in the numbers of columns and rows, times the number of columns tried, which is less if there are many. If
-/// the bits of all columns take more than [`MAX_WORDS`], the order stays.
-fn tour(columns: Vec<(Vec<u32>, u32)>, row_count: usize) -> Vec<(Vec<u32>, u32)> {
-    let (count, words) = (columns.len(), row_count.div_ceil(64));
-    if count.saturating_mul(words) > MAX_WORDS {
-        return columns;
-    }
-    let tried = (WORK / count.saturating_mul(words).max(1)).clamp(1, TRIED);
-    let mut bits = vec![0u64; count * words];
-    for (bits, (column, _)) in bits.chunks_exact_mut(words.max(1)).zip(&columns) {
-        column.iter().for_each(|&row| bits[row as usize / 64] |= 1 << (row % 64));
-    }
-    let bits = |at: usize| &bits[at * words..(at + 1) * words];
-    // The columns that are not ordered yet form a linked list.
-    let mut next: Vec<Option<usize>> = (0..count).map(|at| Some(at + 1).filter(|&at| at < count)).collect();
-    let mut before: Vec<Option<usize>> = (0..count).map(|at| at.checked_sub(1)).collect();
-    let mut order = Vec::with_capacity(count);
-    let mut last = (count > 0).then_some(0);
-    while let Some(at) = last {
-        order.push(at);
-        if let Some(next) = next[at] {
-            before[next] = before[at];
-        }
-        if let Some(before) = before[at] {
-            next[before] = next[at];
-        }
-        let distance = |other: usize| -> u32 {
-            bits(at).iter().zip(bits(other)).map(|(a, b)| (a ^ b).count_ones()).sum()
-        };
-        let links = [&before, &next];
-        let near =
-            links.into_iter().flat_map(|link| std::iter::successors(link[at], |&at| link[at]).take(tried));
-        last = near.min_by_key(|&other| (distance(other), other));
-    }
-    let mut columns: Vec<Option<(Vec<u32>, u32)>> = columns.into_iter().map(Some).collect();
-    order.into_iter().filter_map(|at| columns[at].take()).collect()
-}
-
-/// Encodes classes as one number for each object: the step from the object before it in the class, times 2,
-/// plus 1 if the class has further objects. For the first object of a class, the step is taken from the first
-/// object of the class before, and encoded by [`signed_code`].
-fn class_bytes(classes: &[Vec<u32>]) -> Vec<u8> {
-    let (mut bytes, mut first) = (Vec::new(), 0u32);
-    for class in classes {
-        let mut next = None;
-        for (at, &index) in class.iter().enumerate() {
-            let number = match next {
-                Some(next) => u64::from(index - next),
-                None => signed_code(i64::from(index) - i64::from(first)),
-            };
-            let code = number * 2 + u64::from(at + 1 < class.len());
-            // Indices are less than half of the greatest number, since `BakedSet::from_rows` fails otherwise.
-            push_number(code as u32, &mut bytes);
-            next = Some(index + 1);
-        }
-        first = class.first().copied().unwrap_or(first);
-    }
-    bytes
-}
-
-/// Maps the numbers 0, -1, 1, -2, 2 and so on to 0, 1, 2, 3, 4 and so on.
-fn signed_code(number: i64) -> u64 {
-    if number < 0 { number.unsigned_abs() * 2 - 1 } else { number.unsigned_abs() * 2 }
-}
-
-/// Calls `each` with the class and the index of each object, class by class, in bytes that [`class_bytes`]
-/// has written. Returns the number of classes. `None` if an index is not below `limit`, or if the bytes end
-/// within a class.
-fn for_each_in_classes(bytes: &[u8], limit: usize, mut each: impl FnMut(usize, u32)) -> Option<usize> {
-    let (mut rest, mut first, mut count) = (bytes, 0u32, 0);
-    while !rest.is_empty() {
-        let code = take_number(&mut rest)?;
-        let (number, mut has_more) = (code / 2, code % 2 == 1);
-        let step = if number % 2 == 1 { -i64::from(number / 2) - 1 } else { i64::from(number / 2) };
-        first = u32::try_from(i64::from(first) + step).ok().filter(|&index| (index as usize) < limit)?;
-        each(count, first);
-        let mut last = first;
-        while has_more {
-            let code = take_number(&mut rest)?;
-            has_more = code % 2 == 1;
-            last = last.checked_add(1)?.checked_add(code / 2).filter(|&index| (index as usize) < limit)?;
-            each(count, last);
-        }
-        count += 1;
-    }
-    Some(count)
-}
-
-/// Checks bytes that [`class_bytes`] has written, and returns the number of classes. `None` if an object is
-/// in two classes, if an index is not below `limit`, or if the bytes end within a class.
-fn count_classes(bytes: &[u8], limit: usize) -> Option<usize> {
-    let mut all = Vec::new();
-    let count = for_each_in_classes(bytes, limit, |_, index| all.push(index))?;
-    all.sort_unstable();
-    all.windows(2).all(|pair| pair[0] < pair[1]).then_some(count)
+        });
+        bases
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn objects_in_the_same_rows_are_a_class() {
-        let rows = [vec![1, 2, 7], vec![1, 2], vec![0, 7], vec![]];
-        let (classes, by_class) = classes(&rows, 9);
-        assert_eq!(
-            classes,
-            [vec![1, 2], vec![7], vec![0]],
-            "objects by class, classes in the order of their first rows"
-        );
-        assert_eq!(by_class, [vec![0, 1], vec![0], vec![1, 2], vec![]], "classes by row");
-        let mut read = vec![Vec::new(); 3];
-        let bytes = class_bytes(&classes);
-        assert_eq!(
-            for_each_in_classes(&bytes, 9, |class, index| read[class].push(index)),
-            Some(3),
-            "classes read from bytes"
-        );
-        assert_eq!(
-            (read, count_classes(&bytes, 9)),
-            (classes, Some(3)),
-            "objects read by class, and classes counted"
-        );
-    }
 
     #[test]
     fn viewcells_are_read_as_they_were_written_unless_they_have_too_many_planes() {
@@ -746,20 +682,5 @@ mod tests {
         assert_eq!(made(divided(PLANES + 1)), refused, "a plane too many");
         let forged = BakedSet { viewcells: divided(PLANES + 1), ..made(divided(1)).unwrap() };
         assert_eq!(BakedSet::from_bytes(&forged.to_bytes()), refused, "a plane too many in a file");
-    }
-
-    #[test]
-    fn classes_that_make_no_sense_are_refused() {
-        let read = |classes: &[&[u32]]| {
-            count_classes(&class_bytes(&classes.iter().map(|class| class.to_vec()).collect::<Vec<_>>()), 400)
-        };
-        assert!(read(&[&[1, 2, 300], &[399]]).is_some(), "classes of known objects, each once");
-        assert_eq!(read(&[&[1, 2, 300], &[400]]), None, "unknown");
-        assert_eq!(read(&[&[1, 2, 300], &[0, 2]]), None, "twice");
-        for cut_off in
-            [&[5][..], &[4, 0x80], &[0x80], &[1, 0xff, 0xff, 0xff, 0xff, 0x8f], &[2], &[5, 0x80, 0]]
-        {
-            assert_eq!(count_classes(cut_off, 400), None, "{cut_off:?}");
-        }
     }
 }

@@ -11,7 +11,10 @@
 //!   others.
 //! - [`BakeCache`] keeps results with hashes of their input, so that a bake of an edited level only repeats
 //!   work that the edit affects.
-//! - [`BakedSet`] is the file that a game loads: viewcells with their potentially visible sets.
+//! - [`DegreeSampler`] estimates how much of each object shows from a viewcell, by pictures from sampled
+//!   eyes.
+//! - [`BakedSet`] is the file that a game loads: viewcells with their potentially visible sets, and degrees
+//!   of visibility if they were sampled.
 //!
 //! Objects that were not worked on always count as visible.
 //!
@@ -26,6 +29,7 @@ mod baked_set;
 mod cell_groups;
 mod cell_sandwich;
 mod deflated;
+mod degree_sampler;
 mod fingerprints;
 mod found_cell;
 mod free_space;
@@ -33,6 +37,7 @@ mod grid;
 mod level_error;
 mod method_times;
 mod near_to_far;
+mod object_classes;
 mod object_facts;
 mod sandwich_baker;
 mod sandwich_outcome;
@@ -48,6 +53,7 @@ mod viewcell_fit;
 pub use bake_cache::BakeCache;
 pub use baked_set::{BakedSet, BakedSetError};
 pub use cell_sandwich::CellSandwich;
+pub use degree_sampler::DegreeSampler;
 pub use fingerprints::BakeSource;
 pub use found_cell::FoundCell;
 pub use free_space::CameraRange;

@@ -9,8 +9,8 @@ use visibility_bake::{BakeCache, BakedSet, SandwichBaker, SandwichSettings, Shar
 use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
 use visibility_core::occlusion::Preparation;
-use visibility_core::pvs::{Prefetch, PvsCuller, Viewcell, ViewcellId, Viewcells};
-use visibility_core::{Aabb, Object, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_core::pvs::{Prefetch, PvsCuller, SampledDegree, Viewcell, ViewcellId, Viewcells};
+use visibility_core::{Aabb, Culler, Object, Pipeline, Pose, Scene, View, VisibleSet};
 use visibility_testing::{Random, judged};
 
 /// Repairs the length and the checksum in a header.
@@ -65,9 +65,13 @@ fn changed(bytes: &[u8], random: &mut Random) -> Vec<u8> {
             _ => forged[place] ^= 1 << random.below(8),
         }
     }
-    // A set contains rows with a header of their own.
-    if let Some(start) = forged.windows(8).position(|window| window == b"VISI-PVS") {
-        mend(&mut forged[start..]);
+    // A set contains rows with headers of their own, each after the number of its bytes.
+    for start in 4..forged.len().saturating_sub(8) {
+        if forged[start..].starts_with(b"VISI-PVS") {
+            let length = u32::from_le_bytes(forged[start - 4..start].try_into().unwrap()) as usize;
+            let end = start.saturating_add(length).min(forged.len());
+            mend(&mut forged[start..end]);
+        }
     }
     if forged.starts_with(b"VIS") {
         mend(&mut forged);
@@ -83,10 +87,13 @@ fn ask(rounds: usize) -> [usize; 2] {
     let cell = |x: u32| Viewcell::from_box(DVec3::splat(x.into()), DVec3::splat(f64::from(x) + 1.0));
     let cells = Viewcells::new((0..6).map(cell));
     let rows: Vec<Vec<u32>> = (0..6).map(|_| (0..40).filter(|_| random.one_in(3)).collect()).collect();
+    let degrees: Vec<Vec<_>> =
+        rows.iter().map(|row| row.iter().map(|_| SampledDegree::ALL[random.below(4)]).collect()).collect();
     let of_set = cells.clone();
     let baker = || SandwichBaker::new(&scene, &cells, SandwichSettings::default());
     let shard = Shard::bake(baker()).to_bytes();
-    let set = BakedSet::from_rows(&scene, of_set, &rows).unwrap().to_bytes();
+    let set = BakedSet::from_rows(&scene, of_set, &rows).unwrap();
+    let set = set.with_degrees(&degrees, 9).unwrap().to_bytes();
     let pose = Pose::look_at(DVec3::splat(0.5), DVec3::new(5.0, 5.0, 0.0), DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.0, 0.01, 100.0).unwrap();
     let (mut accepted, whole) = ([0; 2], baker());
@@ -108,6 +115,9 @@ fn ask(rounds: usize) -> [usize; 2] {
             if let Ok(sets) = set.for_scene(&scene) {
                 let sets = Arc::new(sets);
                 Prefetch::new().search(&sets, DVec3::splat(0.5), DVec3::ONE, 0.1, 3.0);
+                let mut by_degree = PvsCuller::new(sets.clone()).with_least_degree(SampledDegree::Partly);
+                by_degree.cull(&scene, &view, &mut VisibleSet::new());
+                scene.ids().for_each(|id| _ = by_degree.degree(id));
                 Pipeline::new().with(PvsCuller::new(sets)).cull(&scene, &view, &mut VisibleSet::new());
             }
         }

@@ -6,7 +6,9 @@ use std::sync::Arc;
 use visibility_bake::{BakeCache, BakedSet, SandwichBaker, SandwichSettings, Shard, assemble};
 use visibility_core::bake::Bake;
 use visibility_core::glam::DVec3;
-use visibility_core::pvs::{Prefetch, Pvs, PvsCuller, PvsTargets, Viewcell, ViewcellId, Viewcells};
+use visibility_core::pvs::{
+    Prefetch, Pvs, PvsCuller, PvsTargets, SampledDegree, Viewcell, ViewcellId, Viewcells,
+};
 use visibility_core::{Aabb, Culler, ObjectId, Pose, Scene, View, VisibleSet};
 use visibility_testing::{forge_counts, mend_header};
 
@@ -39,8 +41,13 @@ fn forge_compressed(file: &[u8], mut read: impl FnMut(&[u8])) {
     let mut files = Vec::new();
     // The compressor needs memory of its own, so memory is not limited here.
     forge_counts(&content, 0, usize::MAX / 2, |mut content| {
-        if let Some(inner) = content.windows(8).position(|window| window == b"VISI-PVS") {
-            mend_header(&mut content, inner);
+        // Sets within the content have headers of their own, each after the number of its bytes.
+        for inner in 4..content.len().saturating_sub(8) {
+            if content[inner..].starts_with(b"VISI-PVS") {
+                let length = u32::from_le_bytes(content[inner - 4..inner].try_into().unwrap()) as usize;
+                let end = inner.saturating_add(length).min(content.len());
+                mend_header(&mut content[inner..end], 0);
+            }
         }
         let length = (content.len() as u64).to_le_bytes();
         let mut file = [&file[..40], &length, &compress_to_vec(&content, 1)].concat();
@@ -70,7 +77,10 @@ fn use_set(set: BakedSet, scene: &Scene, view: &View) {
 fn a_set_takes_the_memory_of_its_bytes_and_its_scene() {
     let (scene, cells) = level();
     let rows: Vec<Vec<u32>> = (0..4).map(|cell| (cell..12).step_by(3).collect()).collect();
-    let file = BakedSet::from_rows(&scene, cells, &rows).unwrap().to_bytes();
+    let degrees: Vec<Vec<_>> =
+        rows.iter().map(|row| row.iter().map(|&i| SampledDegree::ALL[i as usize % 4]).collect()).collect();
+    let set = BakedSet::from_rows(&scene, cells, &rows).unwrap().with_degrees(&degrees, 9).unwrap();
+    let file = set.to_bytes();
     let view = view();
     let (mut read, mut refused) = (0, 0);
     forge_compressed(&file, |file| match BakedSet::from_bytes(file) {

@@ -2,6 +2,7 @@
 //! file.
 #![allow(missing_docs)]
 
+mod degrees;
 mod edits;
 mod fits;
 mod forged_bytes;

@@ -3,6 +3,7 @@
 
 mod bake_stages;
 mod clip_plane_test;
+mod degrees;
 mod explain_and_freeze;
 mod frustum_contract;
 mod hostile_input;

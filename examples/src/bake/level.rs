@@ -1,5 +1,6 @@
 //! The level of a bake: a scene in memory or in a file, its viewcells and the settings.
 
+use super::degrees::Degrees;
 use super::failure::Failure;
 use super::job::Job;
 use super::run::clock;
@@ -165,19 +166,31 @@ impl Level {
         self.baker().whole_fingerprint()
     }
 
-    /// Makes the set of viewcells and visible objects that a game loads. `cells` are the results of a bake,
-    /// and `source` is what was baked.
+    /// Makes the set of viewcells and visible objects that a game loads, with degrees of visibility unless
+    /// `degrees` asks for none. `cells` are the results of a bake, and `source` is what was baked.
     ///
     /// # Errors
     ///
-    /// Returns a message if the sets are too large to be stored, or not of this level.
-    pub fn set(&self, source: BakeSource, cells: &[CellSandwich]) -> Result<BakedSet, String> {
+    /// Returns a message if the sets are too large to be stored, or not of this level, if degrees are asked for
+    /// and the level is in a file, or if there is no memory for the pictures of the samples.
+    pub fn set(
+        &self,
+        source: BakeSource,
+        cells: &[CellSandwich],
+        degrees: &Degrees,
+    ) -> Result<BakedSet, String> {
         let viewcells = self.viewcells.clone();
         let set = match &self.content {
             Content::World(world) => BakedSet::new(&world.scene, viewcells, source, cells),
             Content::File(level) => BakedSet::of_level(level, viewcells, source, cells),
         };
-        set.map_err(|error| error.to_string())
+        let set = set.map_err(|error| error.to_string())?;
+        let Some(eyes) = degrees.eyes() else { return Ok(set) };
+        let Content::World(world) = &self.content else {
+            return Err("--degrees samples a scene in memory, without --memory".to_owned());
+        };
+        let sampled = degrees.sample(&world.scene, &self.viewcells, cells, eyes)?;
+        set.with_degrees(&sampled, eyes).map_err(|error| error.to_string())
     }
 
     /// Returns the scene with its triangles and walks. `None` if the level is in a file.
@@ -354,7 +367,10 @@ mod tests {
                 let settings = Run { threads: 1, limit: None, save_every, state: path("state") };
                 let outcome = run(|| level.baker(), &settings, |_| {}).unwrap();
                 assert!(outcome.complete && outcome.error.is_none(), "{scene}: the bake is complete");
-                (level.fingerprint(), level.set(outcome.source, &outcome.cells).unwrap().to_bytes())
+                (
+                    level.fingerprint(),
+                    level.set(outcome.source, &outcome.cells, &Degrees::default()).unwrap().to_bytes(),
+                )
             };
             assert!(bytes(&[]) == bytes(&["--memory", "256M"]), "{scene}");
         }

@@ -1,6 +1,7 @@
 //! Parts of the program `bake`: the user's job, the level with its viewcells, the forecast, the run, the
 //! report and its pictures.
 
+mod degrees;
 mod failure;
 mod fit;
 mod job;
@@ -11,6 +12,7 @@ pub mod report;
 mod run;
 pub mod viewcells;
 
+pub use degrees::Degrees;
 pub use failure::Failure;
 pub use fit::{Budget, Fitted, fit, forget_depths};
 pub use job::Job;

@@ -192,7 +192,7 @@ mod tests {
         let settings =
             Run { threads: 1, limit: None, save_every: Duration::from_secs(60), state: folder.join("state") };
         let outcome = run(|| level.baker(), &settings, |_| {}).unwrap();
-        let set = level.set(outcome.source, &outcome.cells).unwrap();
+        let set = level.set(outcome.source, &outcome.cells, &Degrees::default()).unwrap();
         let report = Report::new(&level, &outcome.cells, &outcome.times, &set, 0.0, true);
         assert!(
             report.viewcells.iter().all(|cell| cell.seconds.sweep > 0.0 && cell.seconds.rays > 0.0),

@@ -16,7 +16,7 @@ use visibility_examples::arguments::{quoted, scene_arguments};
 use visibility_examples::bake::pictures;
 use visibility_examples::bake::report::Report;
 use visibility_examples::bake::{
-    Budget, Failure, Fitted, Job, Level, Plan, Run, fit, forget, forget_depths, run,
+    Budget, Degrees, Failure, Fitted, Job, Level, Plan, Run, fit, forget, forget_depths, run,
 };
 use visibility_examples::output_file::{Lock, beside, is_special, target, write};
 use visibility_examples::{eprintln, ordinary_file, print, println};
@@ -40,6 +40,9 @@ struct Arguments {
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
 
+    #[command(flatten)]
+    degrees: Degrees,
+
     /// Time limit in seconds. What is undecided by then counts as visible. By default there is no limit. If
     /// not all viewcells are made within the limit, or within a second if that is longer, the bake fails.
     #[arg(long, value_name = "SECONDS")]
@@ -61,7 +64,7 @@ struct Arguments {
 
     /// Bake only part I of N parts, counted from 0, for `bake assemble`.
     #[arg(long, value_name = "I/N", value_parser = part,
-        conflicts_with_all = ["time", "json", "pictures", "budget"])]
+        conflicts_with_all = ["time", "json", "pictures", "budget", "degrees"])]
     shard: Option<[usize; 2]>,
 
     /// File to write the report to, as JSON. By default none.
@@ -84,6 +87,9 @@ struct Assembly {
     /// File to write, for `walkthrough --cullers baked:FILE`.
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
+
+    #[command(flatten)]
+    degrees: Degrees,
 
     /// Files of the shards, in any order.
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
@@ -237,7 +243,7 @@ fn bake(arguments: &Arguments) -> Result<(), Failure> {
         format!("viewcells {} to {} of {count}: {}\n", range.start, range.end, arguments.out.display())
     } else {
         let seconds = start.elapsed().as_secs_f64();
-        let set = level.set(outcome.source, &outcome.cells)?;
+        let set = level.set(outcome.source, &outcome.cells, &arguments.degrees)?;
         write(&arguments.out, &set.to_bytes())?;
         let mut report = Report::new(&level, &outcome.cells, &outcome.times, &set, seconds, outcome.complete);
         (report.stages, report.too_large, report.cut) = (outcome.stages, outcome.too_large, outcome.cut);
@@ -268,7 +274,7 @@ fn write_fitted(
     base: &Path,
 ) -> Result<(), Failure> {
     let Fitted { cells, times, complete, too_large, cut } = fitted;
-    let set = level.set(level.baker().source(), &cells)?;
+    let set = level.set(level.baker().source(), &cells, &arguments.degrees)?;
     write(&arguments.out, &set.to_bytes())?;
     let mut report = Report::new(level, &cells, &[], &set, seconds, complete);
     (report.methods, report.too_large, report.cut) = ((&times).into(), too_large, cut);
@@ -344,7 +350,7 @@ fn put_together(arguments: &Assembly) -> Result<(), Failure> {
     }
     let baker = level.baker();
     let cells = assemble(&baker, shards).map_err(|error| error.to_string())?;
-    let set = level.set(baker.source(), &cells)?;
+    let set = level.set(baker.source(), &cells, &arguments.degrees)?;
     write(&arguments.out, &set.to_bytes())?;
     let report = Report::new(&level, &cells, &[], &set, 0.0, true);
     write_report(&level, &cells, &report, &arguments.json, &arguments.pictures)?;

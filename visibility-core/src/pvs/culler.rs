@@ -1,6 +1,7 @@
 //! Culling by a potentially visible set.
 
-use super::{HiddenSets, Pvs, PvsTargets, Viewcells};
+use super::degrees::DegreesOfViewcells;
+use super::{HiddenSets, Pvs, PvsError, PvsTargets, SampledDegree, SampledDegrees, Viewcells};
 use crate::{
     Aabb, Accuracy, CullStats, Culler, Object, ObjectId, Scene, View, VisibleSet,
     binary_format::Fingerprint,
@@ -22,6 +23,8 @@ use glam::DVec3;
 #[derive(Clone, Debug)]
 pub struct ScenePvs {
     pvs: Pvs,
+    /// Degrees of visibility of the targets of `pvs`. `None` if they are not known.
+    degrees: Option<SampledDegrees>,
     viewcells: Viewcells,
     /// Entry of each object, indexed by [`ObjectId::index`]: the object's id, or `None` if the object is
     /// never hidden, and the start of its target numbers in `targets`. Its target numbers end at the start
@@ -138,6 +141,7 @@ impl ScenePvs {
         let occluders = scene.ids().filter(|&id| level_object(scene, id).is_some_and(hides));
         let made = Self {
             pvs,
+            degrees: None,
             viewcells,
             objects,
             targets,
@@ -199,6 +203,43 @@ impl ScenePvs {
     /// Returns false if the PVS may be of another scene: see [`unchecked`](Self::unchecked).
     pub fn is_checked(&self) -> bool {
         self.is_checked
+    }
+
+    /// Sets the degrees of visibility of the targets. They change no culler's answer unless the culler is
+    /// [told to](PvsCuller::with_least_degree).
+    ///
+    /// # Errors
+    /// [`PvsError::Degrees`] if they are those of a PVS with other numbers of viewcells or targets. The value
+    /// is then unchanged.
+    pub fn set_degrees(&mut self, degrees: SampledDegrees) -> Result<(), PvsError> {
+        if !degrees.fit(&self.pvs) {
+            return Err(PvsError::Degrees { problem: "they are those of another PVS" });
+        }
+        self.degrees = Some(degrees);
+        // A culler that knows the set before has read other degrees.
+        self.stamp = Stamp::new();
+        Ok(())
+    }
+
+    /// Returns the degrees of visibility of the targets. `None` if none were set.
+    pub fn degrees(&self) -> Option<&SampledDegrees> {
+        self.degrees.as_ref()
+    }
+
+    /// Returns the targets that stay for a culler with a least degree, and whether they are the PVS itself.
+    fn kept(&self, least: SampledDegree) -> (&Pvs, bool) {
+        match self.degrees.as_ref().and_then(|degrees| degrees.at_least(least)) {
+            Some(kept) => (kept, false),
+            None => (&self.pvs, true),
+        }
+    }
+
+    /// Returns the targets of an object that may be hidden. `None` for an object that is never hidden, and
+    /// for an unknown one.
+    fn targets_of(&self, id: ObjectId) -> Option<&[u32]> {
+        let [(known, start), (_, end)] = *self.objects.get(id.index()..)?.first_chunk()?;
+        let targets = self.targets.get(start as usize..end as usize)?;
+        (known == Some(id)).then_some(targets)
     }
 
     /// Returns the PVS that was passed to the constructor.
@@ -307,6 +348,16 @@ pub struct PvsCuller<S> {
     made_from: Stamp,
     /// Viewcell that contained the eye in the last frame. `None` if no viewcell did, and for parallel views.
     viewcell: Option<ViewcellId>,
+    /// Least degree of the objects that stay in the set: see [`with_least_degree`](Self::with_least_degree).
+    least: SampledDegree,
+    /// Whether the last frame's viewcells answer for it. If not, every object counted as visible.
+    is_answered: bool,
+    /// Degrees of visibility from the viewcells in `entered`.
+    degrees: DegreesOfViewcells,
+    /// Degrees of visibility from the viewcells in `touched_before`.
+    degrees_from_box: DegreesOfViewcells,
+    /// Whether the answer of the last call of [`write_hidden`](HiddenSets::write_hidden) was known.
+    is_box_answered: bool,
     /// Viewcells in which the view's lines of sight began when `seen` was last computed, ascending.
     entered: Vec<ViewcellId>,
     /// Whether `entered` and `seen` are valid: false before the first frame, and after the [`ScenePvs`] was
@@ -354,6 +405,11 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             shared,
             made_from: Stamp::NONE,
             viewcell: None,
+            least: SampledDegree::Unseen,
+            is_answered: false,
+            degrees: DegreesOfViewcells::default(),
+            degrees_from_box: DegreesOfViewcells::default(),
+            is_box_answered: false,
             entered: Vec::new(),
             is_entered: false,
             entering: Vec::new(),
@@ -371,6 +427,40 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             is_without_occluders: false,
             cursor: SceneCursor::START,
         }
+    }
+
+    /// Sets the least degree of visibility of the objects that stay in the set. [`SampledDegree::Unseen`] by
+    /// default: degrees hide nothing. With any other, objects vanish by an estimate: the culler is
+    /// [approximate](Accuracy::Approximate), if its sets [have degrees](ScenePvs::degrees). Objects that are
+    /// never hidden by the PVS, or have changed, stay.
+    ///
+    /// `docs/measurements.md` has the wrong pixels of each.
+    #[must_use]
+    pub fn with_least_degree(self, least: SampledDegree) -> Self {
+        Self { least, is_entered: false, ..self }
+    }
+
+    /// Takes in the viewcells of a view as [`cull`](Culler::cull) does, without a set to cull. For a reader
+    /// of [degrees](Self::degree) beside a pipeline, which owns its cullers.
+    pub fn look(&mut self, scene: &Scene, view: &View) {
+        self.enter(scene, view);
+    }
+
+    /// Returns the degree in which an object shows from the viewcells of the last view that was
+    /// [culled](Culler::cull) or [looked at](Self::look), the greatest if there are several: an estimate, see
+    /// [`SampledDegrees`]. `None` if it is not known: the sets have no degrees, the viewcells do not answer
+    /// for the view, or the object is never hidden by them or has changed. An object that they hide is
+    /// [`Unseen`](SampledDegree::Unseen). Takes constant time for an object with one target.
+    pub fn degree(&self, id: ObjectId) -> Option<SampledDegree> {
+        self.degree_in(&self.degrees, id).filter(|_| self.is_answered)
+    }
+
+    fn degree_in(&self, degrees: &DegreesOfViewcells, id: ObjectId) -> Option<SampledDegree> {
+        let shared = self.shared.borrow();
+        if self.made_from != shared.stamp || self.changed.contains(id.index()) {
+            return None;
+        }
+        degrees.of(shared.targets_of(id)?)
     }
 
     /// Returns the shared [`ScenePvs`] for replacement. The next frame takes a new [`ScenePvs`] into account.
@@ -392,6 +482,8 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             self.made_from = shared.stamp;
             self.is_entered = false;
             self.touched_before.clear();
+            self.degrees.forget();
+            self.degrees_from_box.forget();
             self.cursor = SceneCursor::START;
         }
         let mut changes = self.cursor.follow(scene);
@@ -418,30 +510,9 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         }
     }
 
-    /// Makes `masks` of the objects that are seen from the viewcells in `entered`, are never hidden, or have
-    /// changed. Objects inserted since the [`ScenePvs`] was made are among the changed ones.
-    fn make_masks(&mut self, scene: &Scene) {
-        let shared = self.shared.borrow();
-        self.masks.clear();
-        self.masks.resize(scene.leaf_limit(), 0);
-        let mut add = |id| add_to_masks(&mut self.masks, scene, id);
-        shared.for_each_seen(&self.seen, &mut add);
-        shared.never_hidden.iter().copied().for_each(&mut add);
-        self.changed.iter().filter_map(|index| scene.id_at(index)).for_each(&mut add);
-        self.masks_layout = scene.layout();
-    }
-}
-
-impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
-    fn name(&self) -> &str {
-        "pvs"
-    }
-
-    fn accuracy(&self) -> Accuracy {
-        if self.shared.borrow().is_checked { Accuracy::Conservative } else { Accuracy::Approximate }
-    }
-
-    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+    /// Finds the viewcells in which lines of sight of a view begin, and reads their rows if they are others
+    /// than those of the view before. Sets `is_answered` to whether the rows answer for the view.
+    fn enter(&mut self, scene: &Scene, view: &View) {
         self.follow(scene);
         let viewcells = &self.shared.borrow().viewcells;
         let anchor = match view.eye(DVec3::ZERO) {
@@ -471,16 +542,55 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
         // often, or if an occluder of the PVS has changed or is not shown.
         let idle = !known || !covered || self.lost || self.is_without_occluders;
         let is_new = !self.is_entered || self.entering != self.entered;
-        if idle {
-            return visible.intersect(scene, &|_| u64::MAX);
-        }
+        self.is_answered = !idle;
         // Rows are read only when the viewcells have changed, which is rare.
-        if is_new {
+        if is_new && !idle {
             core::mem::swap(&mut self.entering, &mut self.entered);
             self.is_entered = true;
-            let ScenePvs { pvs, target_limit, .. } = self.shared.borrow();
-            pvs.write_first_union(&self.entered, *target_limit, &mut self.seen, &mut self.seen_from_one);
+            let shared = self.shared.borrow();
+            let (kept, _) = shared.kept(self.least);
+            kept.write_first_union(
+                &self.entered,
+                shared.target_limit,
+                &mut self.seen,
+                &mut self.seen_from_one,
+            );
+            if let Some(degrees) = &shared.degrees {
+                self.degrees.read(degrees, &self.entered, shared.target_limit);
+            }
             self.masks_layout = Stamp::NONE;
+        }
+    }
+
+    /// Makes `masks` of the objects that are seen from the viewcells in `entered`, are never hidden, or have
+    /// changed. Objects inserted since the [`ScenePvs`] was made are among the changed ones.
+    fn make_masks(&mut self, scene: &Scene) {
+        let shared = self.shared.borrow();
+        self.masks.clear();
+        self.masks.resize(scene.leaf_limit(), 0);
+        let mut add = |id| add_to_masks(&mut self.masks, scene, id);
+        shared.for_each_seen(&self.seen, &mut add);
+        shared.never_hidden.iter().copied().for_each(&mut add);
+        self.changed.iter().filter_map(|index| scene.id_at(index)).for_each(&mut add);
+        self.masks_layout = scene.layout();
+    }
+}
+
+impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
+    fn name(&self) -> &str {
+        "pvs"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        let shared = self.shared.borrow();
+        let is_proven = shared.is_checked && shared.kept(self.least).1;
+        if is_proven { Accuracy::Conservative } else { Accuracy::Approximate }
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        self.enter(scene, view);
+        if !self.is_answered {
+            return visible.intersect(scene, &|_| u64::MAX);
         }
         if self.masks_layout != scene.layout() {
             self.make_masks(scene);
@@ -530,6 +640,7 @@ impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
     /// object that the PVS may hide: some nanoseconds for each, seen or not.
     fn write_hidden(&mut self, scene: &Scene, min: DVec3, max: DVec3, hidden: &mut Bits) -> bool {
         self.follow(scene);
+        self.is_box_answered = false;
         let shared = self.shared.borrow();
         let is_usable = min.cmple(max).all() && min.is_finite() && max.is_finite();
         if !is_usable || self.lost || shared.occluder_layers.contains(&0) {
@@ -566,6 +677,9 @@ impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
                 &mut self.seen_from_one,
             );
             core::mem::swap(&mut self.entering, &mut self.touched_before);
+            if let Some(degrees) = &shared.degrees {
+                self.degrees_from_box.read(degrees, &self.touched_before, shared.target_limit);
+            }
         }
         hidden.reset(scene.index_limit());
         let around = Aabb::from_world(min, max, scene.origin());
@@ -577,6 +691,12 @@ impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
         }
         shared.for_each_seen(&self.seen_from_box, |id| _ = hidden.remove(id.index()));
         self.changed.iter().for_each(|index| _ = hidden.remove(index));
+        self.is_box_answered = true;
         true
+    }
+
+    /// The degree of the object from the viewcells that the box touches.
+    fn degree_from_box(&self, id: ObjectId) -> Option<SampledDegree> {
+        self.degree_in(&self.degrees_from_box, id).filter(|_| self.is_box_answered)
     }
 }

@@ -28,6 +28,11 @@ pub enum PvsError {
         /// Description of the fault in English, in which "it" stands for the row.
         problem: &'static str,
     },
+    /// Sets of degrees of visibility do not belong to the PVS, or not to each other.
+    Degrees {
+        /// Description of the fault in English.
+        problem: &'static str,
+    },
 }
 
 impl fmt::Display for PvsError {
@@ -38,6 +43,7 @@ impl fmt::Display for PvsError {
             }
             Self::Size => write!(f, "the set is too large for its form"),
             Self::Format(error) => write!(f, "{error}"),
+            Self::Degrees { problem } => write!(f, "degrees of visibility: {problem}"),
             Self::Row { viewcell, problem } => write!(f, "the row of viewcell {}: {problem}", viewcell.0),
         }
     }

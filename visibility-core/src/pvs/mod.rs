@@ -28,6 +28,7 @@
 //! the parent for the same reason).
 
 mod culler;
+mod degrees;
 mod error;
 mod hidden_sets;
 mod prefetch;
@@ -38,6 +39,7 @@ mod runs;
 mod viewcells;
 
 pub use culler::{PvsCuller, ScenePvs};
+pub use degrees::{SampledDegree, SampledDegrees};
 pub use error::PvsError;
 pub use hidden_sets::{HiddenSets, importance};
 pub use prefetch::{Arrival, Prefetch};

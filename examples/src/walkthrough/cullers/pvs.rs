@@ -8,9 +8,10 @@ use crate::region::read_sets;
 use crate::walkthrough::World;
 use crate::walkthrough::cell_sets::{Detail, sets_of};
 use std::path::Path;
+use std::sync::Arc;
 use visibility_core::View;
 use visibility_core::glam::DVec3;
-use visibility_core::pvs::PvsCuller;
+use visibility_core::pvs::{PvsCuller, SampledDegree, ScenePvs};
 use visibility_core::view::Eye;
 
 pub(super) const KNOWN: &[Known] = &[
@@ -35,11 +36,38 @@ pub(super) const KNOWN: &[Known] = &[
         dials: &[],
         make: |dial, world| baked(dial.ok_or("it needs a file, as in `baked:FILE`")?, world),
     },
+    Known {
+        name: "baked-hardly",
+        what: "as `baked:FILE`, and what no eye sampled by `bake --degrees` saw is hidden: approximate",
+        dials: &[],
+        make: |dial, world| by_degree(dial, world, SampledDegree::Hardly),
+    },
+    Known {
+        name: "baked-partly",
+        what: "as `baked:FILE`, and what shows to sampled eyes in less than about 50 pixels of a picture of 640x360 \
+           is hidden: approximate",
+        dials: &[],
+        make: |dial, world| by_degree(dial, world, SampledDegree::Partly),
+    },
 ];
+
+fn baked(file: &str, world: &World) -> Made {
+    Ok(Box::new(of_file(file, world)?))
+}
+
+/// Makes the culler of a file that hides objects of less than a degree of visibility.
+fn by_degree(file: Option<&str>, world: &World, least: SampledDegree) -> Made {
+    let file = file.ok_or("it needs a file, as in `baked-partly:FILE`")?;
+    let mut culler = of_file(file, world)?;
+    if culler.shared_mut().degrees().is_none() {
+        return Err(format!("{file} has no degrees of visibility: bake with --degrees"));
+    }
+    Ok(Box::new(culler.with_least_degree(least)))
+}
 
 /// Reads the visible sets of a file for the scene of a world. If cameras are outside all viewcells, prints
 /// their number on standard error once.
-fn baked(file: &str, world: &World) -> Made {
+fn of_file(file: &str, world: &World) -> Result<PvsCuller<Arc<ScenePvs>>, String> {
     let sets = world.prepared.get(&format!("sets of the file {file}"), || {
         let sets = read_sets(Path::new(file), world)?;
         let is_outside = |view: &&View| match view.eye(DVec3::ZERO) {
@@ -55,7 +83,7 @@ fn baked(file: &str, world: &World) -> Made {
         }
         Ok(sets)
     })?;
-    Ok(Box::new(PvsCuller::new(sets)))
+    Ok(PvsCuller::new(sets))
 }
 
 fn make(dial: Option<&str>, world: &World) -> Made {
