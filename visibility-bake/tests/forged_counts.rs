@@ -156,7 +156,9 @@ fn a_set_of_many_objects_takes_a_small_multiple_of_its_content() {
     content.splice(20..20, std::iter::repeat_n(0, count as usize / 8));
     let inner = content.windows(8).position(|window| window == b"VISI-PVS").unwrap();
     content[inner + 20..inner + 24].copy_from_slice(&(count + 2).to_le_bytes());
-    mend_header(&mut content, inner);
+    // The number of eyes follows the set: 0, since degrees were not sampled.
+    let end = content.len() - 4;
+    mend_header(&mut content[inner..end], 0);
     let length = (content.len() as u64).to_le_bytes();
     let mut file = [&file[..40], &length, &compress_to_vec(&content, 9)].concat();
     mend_header(&mut file, 0);
