@@ -130,11 +130,11 @@ impl Prices {
 /// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 pub struct CellQuery<'a> {
-    search: Search<'a>,
+    pub(crate) search: Search<'a>,
     settings: ExactSettings,
     random: Random,
-    verdicts: Vec<Verdict>,
-    proofs: Vec<ProvenHidden>,
+    pub(crate) verdicts: Vec<Verdict>,
+    pub(crate) proofs: Vec<ProvenHidden>,
     proof_count: u64,
     rays: u64,
     refused: u64,
@@ -228,8 +228,8 @@ impl<'a> CellQuery<'a> {
 
     /// Returns the objects and the verdict on each, in ascending order of index.
     pub fn verdicts(&self) -> impl Iterator<Item = (ObjectId, Verdict)> {
-        let objects = &self.search.triangles.objects;
-        objects.iter().map(|object| object.id).zip(self.verdicts.iter().copied())
+        let verdicts = self.search.triangles.objects.iter().zip(self.verdicts.iter().copied());
+        verdicts.filter(|(object, _)| !object.is_removed).map(|(object, verdict)| (object.id, verdict))
     }
 
     /// Returns the work done so far: the number of rays plus the number of nodes of the search for proofs.
@@ -283,9 +283,58 @@ impl<'a> CellQuery<'a> {
         open.retain(|&o| !self.find_inside(o as usize));
         if !open.is_empty() {
             self.uniform_rays();
-            self.aimed_rays(&open);
+            self.aimed_rays(&open, self.settings.aimed_rays);
         }
         open
+    }
+
+    /// Casts `rays` rays from the viewcell through random points of a box, and marks objects that they meet
+    /// first as seen.
+    pub(crate) fn look_through(&mut self, [min, max]: [DVec3; 2], rays: u32) {
+        for _ in 0..rays {
+            if self.search.must_stop() {
+                return;
+            }
+            self.rays += 1;
+            let to = min + (max - min) * self.random.point();
+            let from = self.search.cell.towards(to, &mut self.random);
+            self.see_first(from, to - from);
+        }
+    }
+
+    /// Searches objects again that a change of the scene has made open, with `rays` rays aimed at each.
+    pub(crate) fn search_again(&mut self, objects: &[u32], rays: u32) {
+        let mut open = objects.to_vec();
+        open.retain(|&o| {
+            let is_asked = self.is_open(o) && !self.search.triangles.objects[o as usize].is_open;
+            is_asked && !self.find_inside(o as usize)
+        });
+        self.aimed_rays(&open, rays);
+        open.retain(|&o| self.is_open(o));
+        let single = self.groups(open);
+        self.triangles(&single, false);
+    }
+
+    /// Proves a target again, of whose proof some steps no longer hold. `fallen` tells which, `objects` is the
+    /// number of objects in the target. `None` without a proof; if a line of sight is found instead, the first
+    /// object on it is marked as seen.
+    pub(crate) fn mend(&mut self, proof: &Proof, fallen: &[bool], objects: usize) -> Option<Proof> {
+        if !fallen.contains(&true) {
+            return Some(proof.clone());
+        }
+        let budget = match proof.target {
+            Target::Box { .. } => self.prices.budget(objects),
+            Target::Triangle(_) => TRIANGLE,
+        };
+        let (answer, _) = self.search.mend(proof, fallen, budget);
+        match self.checked(proof.target, answer) {
+            Answer::Hidden => Some(self.proof(proof.target)),
+            Answer::Visible(line) => {
+                self.see_first(line.p, line.q - line.p);
+                None
+            }
+            Answer::Undecided => None,
+        }
     }
 
     fn is_open(&self, object: u32) -> bool {
@@ -366,14 +415,15 @@ impl<'a> CellQuery<'a> {
         is_clear
     }
 
-    fn aimed_rays(&mut self, open: &[u32]) {
+    /// Casts up to `rays` rays at each of the objects `open`, until one sees it.
+    fn aimed_rays(&mut self, open: &[u32], rays: u32) {
         for &object in open {
             if self.search.must_stop() {
                 return;
             }
             let entry = &self.search.triangles.objects[object as usize];
             let (first, count) = (entry.first, (entry.end - entry.first) as usize);
-            for _ in 0..self.settings.aimed_rays {
+            for _ in 0..rays {
                 if count == 0 || !self.is_open(object) {
                     break;
                 }
@@ -498,7 +548,13 @@ impl<'a> CellQuery<'a> {
     /// hidden only if the proof passes its check, which shares no code with the search. A refused proof is
     /// counted, and leaves the target undecided.
     fn solve(&mut self, target: Target, budget: Budget) -> (Answer, u32) {
-        let (mut answer, used) = self.search.solve_target(target, budget);
+        let (answer, used) = self.search.solve_target(target, budget);
+        (self.checked(target, answer), used)
+    }
+
+    /// Checks the proof that the last search, for `target`, has ended with, if its answer is hidden. Returns
+    /// the answer, or undecided after a refused proof.
+    pub(crate) fn checked(&mut self, target: Target, mut answer: Answer) -> Answer {
         if answer == Answer::Hidden {
             let proof = self.proof(target);
             match proof.check(self.search.triangles) {
@@ -510,7 +566,7 @@ impl<'a> CellQuery<'a> {
             }
             self.search.steps = proof.steps;
         }
-        (answer, used)
+        answer
     }
 
     /// Marks the objects of `group` as hidden. `targets` must be the one target of the last search, whose

@@ -77,7 +77,8 @@ impl CellVerdicts {
         &'a self,
         triangles: &'a SceneTriangles,
     ) -> impl Iterator<Item = (ObjectId, Verdict)> + 'a {
-        triangles.objects.iter().map(|object| object.id).zip(self.verdicts.iter().copied())
+        let verdicts = triangles.objects.iter().zip(self.verdicts.iter().copied());
+        verdicts.filter(|(object, _)| !object.is_removed).map(|(object, verdict)| (object.id, verdict))
     }
 
     /// Returns the numbers of objects seen, hidden and open. Hardly visible objects count as hidden.
