@@ -10,7 +10,7 @@
 //! objects.
 
 use crate::cell_query::CellQuery;
-use crate::proof::Proof;
+use crate::proof::{Proof, Step};
 use crate::settings::{Effort, ExactSettings};
 use crate::sight::CellBox;
 use crate::triangles::SceneTriangles;
@@ -115,6 +115,8 @@ pub struct DynamicCell {
     settings: ExactSettings,
     /// State of the triangles that the verdicts are of.
     stamp: Stamp,
+    /// Number of that state.
+    serial: u64,
     /// Verdict on each object, in the order of the list of objects. `None` for removed objects.
     verdicts: Vec<Option<(ObjectId, Verdict)>>,
     hidden: Vec<HiddenSet>,
@@ -131,6 +133,7 @@ impl DynamicCell {
             cell,
             settings,
             stamp: Stamp::NONE,
+            serial: 0,
             verdicts: Vec::new(),
             hidden: Vec::new(),
             pending: Vec::new(),
@@ -163,10 +166,12 @@ impl DynamicCell {
             changed
         });
         self.stamp = triangles.stamp();
-        match changes {
+        let stats = match changes {
             Some(changed) => self.follow(query, triangles, &changed),
             None => self.start(query, triangles),
-        }
+        };
+        self.serial = triangles.serial();
+        stats
     }
 
     /// Finds all verdicts.
@@ -285,7 +290,8 @@ impl DynamicCell {
             set.objects.retain(|place| !changed.contains_key(place));
         }
         self.hidden.retain(|set| !set.objects.is_empty());
-        let names = |set: &mut HiddenSet| changed.keys().any(|place| set.occluders.binary_search(place).is_ok());
+        let names =
+            |set: &mut HiddenSet| changed.keys().any(|place| set.occluders.binary_search(place).is_ok());
         self.hidden.extract_if(.., names).collect()
     }
 
@@ -303,9 +309,12 @@ impl DynamicCell {
             if set.objects.iter().any(|&place| query.verdicts[place as usize] != Verdict::Open) {
                 return None;
             }
-            let is_fallen = |t: &u32| changed.contains_key(&(triangles.object_of(*t) as u32));
-            let fallen: Vec<bool> =
-                proof.steps.iter().map(|step| step.triangles(triangles).iter().any(is_fallen)).collect();
+            let is_changed = |t: &u32| changed.contains_key(&(triangles.object_of(*t) as u32));
+            let fallen = proof.steps.iter().map(|step| match step {
+                Step::Loop { piece, .. } => triangles.is_piece_newer(*piece, self.serial),
+                step => step.triangles(triangles).iter().any(is_changed),
+            });
+            let fallen: Vec<bool> = fallen.collect();
             proofs.push(query.mend(proof, &fallen, set.objects.len())?);
         }
         Some(proofs)
@@ -350,7 +359,11 @@ impl DynamicCell {
 
 /// Returns the seen objects whose line of sight may meet an occluder that has changed. Such a line is tested
 /// against all occluders.
-fn blocked(verdicts: &[Verdict], triangles: &SceneTriangles, changed: &BTreeMap<u32, [DVec3; 2]>) -> Vec<u32> {
+fn blocked(
+    verdicts: &[Verdict],
+    triangles: &SceneTriangles,
+    changed: &BTreeMap<u32, [DVec3; 2]>,
+) -> Vec<u32> {
     let mut hits = Vec::new();
     let boxes = changed.keys().map(|&place| &triangles.objects[place as usize]);
     let boxes: Vec<[DVec3; 2]> =

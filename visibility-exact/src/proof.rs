@@ -79,9 +79,7 @@ impl Step {
             Self::Surface { triangles, moved, .. } => size_of_val(&triangles[..]) + size_of_val(&moved[..]),
             Self::Empty { weights } => size_of_val(&weights[..]),
             Self::Loop { ring, edges, .. } => {
-                size_of_val(&ring[..])
-                    + size_of_val(&edges[..])
-                    + edges.iter().map(weights).sum::<usize>()
+                size_of_val(&ring[..]) + size_of_val(&edges[..]) + edges.iter().map(weights).sum::<usize>()
             }
             Self::Halves { .. } | Self::Split { .. } | Self::Corner { .. } => 0,
         };

@@ -10,7 +10,9 @@ use std::time::Instant;
 use visibility_core::pvs::Viewcell;
 use visibility_core::scene::Triangle;
 use visibility_core::{Object, ObjectId, Scene};
-use visibility_exact::{DynamicCell, Effort, ExactCuller, ExactSettings, SceneTriangles, UpdateStats, Verdict};
+use visibility_exact::{
+    DynamicCell, Effort, ExactCuller, ExactSettings, SceneTriangles, UpdateStats, Verdict,
+};
 use visibility_examples::arguments::count;
 use visibility_examples::region::{self, cells};
 use visibility_examples::{Cameras, Reading, exit_code, open_as, print::go_on_without_reader, println};
@@ -145,7 +147,9 @@ impl Comparison {
             };
             self.pairs[number(kept)][number(fresh)] += 1;
             let witness = match (kept, fresh) {
-                (Verdict::Seen(witness), Verdict::Hidden) | (Verdict::Hidden, Verdict::Seen(witness)) => witness,
+                (Verdict::Seen(witness), Verdict::Hidden) | (Verdict::Hidden, Verdict::Seen(witness)) => {
+                    witness
+                }
                 _ => continue,
             };
             let others = scene.ids().filter(|&other| other != id);
@@ -220,7 +224,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let Some(id) = scene.id_at(random.pick(&occluders)) else { continue };
         let mut taken = Some(take(&mut scene, id)?);
         for way in 0..2 {
-            if way == 1 && let Some(taken) = taken.take() {
+            if way == 1
+                && let Some(taken) = taken.take()
+            {
                 put_back(&mut scene, taken)?;
             }
             let start = Instant::now();
@@ -244,8 +250,17 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut table = Table::new();
     table.load_style(presets::ASCII_MARKDOWN);
     table.set_header([
-        "update after", "updates", "mean ms", "median, 95 %, greatest ms", "under 5 ms", "searching", "mean ms", "unproven",
-        "mended", "blocked", "searched",
+        "update after",
+        "updates",
+        "mean ms",
+        "median, 95 %, greatest ms",
+        "under 5 ms",
+        "searching",
+        "mean ms",
+        "unproven",
+        "mended",
+        "blocked",
+        "searched",
     ]);
     for (name, updates) in ["taken away", "put back"].into_iter().zip(updates) {
         table.add_row(updates.row(name));

@@ -33,11 +33,13 @@ pub(super) struct Log {
     entries: VecDeque<(Stamp, Box<[Change]>)>,
     /// Number of changes in all entries.
     count: usize,
+    /// Number of calls of [`SceneTriangles::sync`] that changed something.
+    pub(super) serial: u64,
 }
 
 impl Default for Log {
     fn default() -> Self {
-        Self { stamp: Stamp::new(), entries: VecDeque::new(), count: 0 }
+        Self { stamp: Stamp::new(), entries: VecDeque::new(), count: 0, serial: 0 }
     }
 }
 
@@ -153,9 +155,16 @@ impl Welding {
         self.edges.limit as usize
     }
 
+    /// Returns whether all occluding triangles are in the first tree.
+    #[cfg(test)]
+    pub(super) fn is_merged(&self) -> bool {
+        self.added.is_empty()
+    }
+
     /// Returns the occluding triangles at an edge, if these have changed.
     pub(super) fn triangles_at(&self, edge: u32) -> Option<&[u32]> {
-        self.lists.get(&edge).map(Vec::as_slice)
+        let is_later = edge as usize >= self.edges.first.len();
+        self.lists.get(&edge).map(Vec::as_slice).or(is_later.then_some(&[]))
     }
 }
 
@@ -192,6 +201,7 @@ impl SceneTriangles {
         }
         let is_changed = !log.is_empty();
         if is_changed {
+            self.log.serial += 1;
             let places: BTreeSet<u32> = log.iter().map(|change| change.place).collect();
             let occluders = places.iter().flat_map(|&place| {
                 let object = &self.objects[place as usize];
@@ -203,7 +213,7 @@ impl SceneTriangles {
             // Polygons that have lost a triangle are joined anew from the remaining ones.
             for number in broken {
                 let piece = &mut self.pieces[number as usize];
-                let triangles = core::mem::replace(piece, Piece::empty()).triangles;
+                let triangles = core::mem::replace(piece, Piece::empty(self.log.serial)).triangles;
                 let left = triangles.iter().copied().filter(|&t| self.piece_of[t as usize] == number);
                 unmerged.extend(left);
                 welding.free_pieces.push(number);
@@ -253,7 +263,16 @@ impl SceneTriangles {
                 self.layers.push(object.layers);
             }
             let [min, max] = target_box(&object, triangles);
-            now = Some(TargetObject { id, min, max, first: 0, end: 0, room_end: 0, is_open, is_removed: false });
+            now = Some(TargetObject {
+                id,
+                min,
+                max,
+                first: 0,
+                end: 0,
+                room_end: 0,
+                is_open,
+                is_removed: false,
+            });
         }
         let place = match (known, &now) {
             (Some(place), _) => place as usize,
@@ -279,7 +298,8 @@ impl SceneTriangles {
             if self.occludes(t) {
                 let [min, max] = occluded;
                 let corners = self.corners(t);
-                occluded = [corners.iter().fold(min, |a, &b| a.min(b)), corners.iter().fold(max, |a, &b| a.max(b))];
+                occluded =
+                    [corners.iter().fold(min, |a, &b| a.min(b)), corners.iter().fold(max, |a, &b| a.max(b))];
                 broken.insert(self.piece_of(t));
             }
             self.clear_triangle(t, welding);
@@ -366,7 +386,7 @@ impl SceneTriangles {
     /// Returns the index of an unused element of `pieces`.
     pub(super) fn free_piece(&mut self) -> u32 {
         self.welding.as_mut().and_then(|welding| welding.free_pieces.pop()).unwrap_or_else(|| {
-            self.pieces.push(Piece::empty());
+            self.pieces.push(Piece::empty(self.log.serial));
             self.pieces.len() as u32 - 1
         })
     }
@@ -374,6 +394,16 @@ impl SceneTriangles {
     /// Returns the stamp of the present state.
     pub(crate) fn stamp(&self) -> Stamp {
         self.log.stamp
+    }
+
+    /// Returns the number of the present state: how often something has changed.
+    pub(crate) fn serial(&self) -> u64 {
+        self.log.serial
+    }
+
+    /// Returns whether a convex polygon is another one than in the state with number `serial`.
+    pub(crate) fn is_piece_newer(&self, number: u32, serial: u64) -> bool {
+        self.pieces.get(number as usize).is_none_or(|piece| piece.made > serial)
     }
 
     /// Returns the changes since the state with the stamp `since`, oldest first. An object may have several.

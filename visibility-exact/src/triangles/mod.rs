@@ -8,10 +8,10 @@ use crate::half::Half;
 use crate::line_side::{U, side, sign};
 use crate::triangle_tree::TriangleTree;
 use alloc::{boxed::Box, vec, vec::Vec};
+use changes::{Log, Welding};
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::level_version::level_object;
-use changes::{Log, Welding};
 use visibility_core::scene::{SceneCursor, Triangles};
 use visibility_core::{Object, ObjectId, Scene};
 
@@ -165,12 +165,14 @@ pub(crate) struct Piece {
     pub(crate) positions: Box<[DVec3]>,
     /// Indices of the triangles that make up the polygon.
     pub(crate) triangles: Box<[u32]>,
+    /// Number of the state of the triangles in which the polygon was made, or in which its index got free.
+    made: u64,
 }
 
 impl Piece {
     /// Returns a polygon of no triangles, in place of one that is not used.
-    fn empty() -> Self {
-        Self { ring: Box::default(), positions: Box::default(), triangles: Box::default() }
+    fn empty(made: u64) -> Self {
+        Self { ring: Box::default(), positions: Box::default(), triangles: Box::default(), made }
     }
 }
 
@@ -342,6 +344,7 @@ impl SceneTriangles {
             positions: ring.iter().map(|corner| corner.2).collect(),
             ring: ring.into_iter().map(|corner| corner.0).collect(),
             triangles: triangles.into(),
+            made: self.log.serial,
         }
     }
 
@@ -446,7 +449,7 @@ impl SceneTriangles {
     /// Adds a polygon of triangles without checking that it is convex and occludes. Returns its index.
     #[cfg(test)]
     pub(crate) fn push_piece(&mut self, triangles: &[u32]) -> u32 {
-        let piece = Piece { triangles: triangles.into(), ..Piece::empty() };
+        let piece = Piece { triangles: triangles.into(), ..Piece::empty(0) };
         self.pieces.push(piece);
         self.pieces.len() as u32 - 1
     }
