@@ -302,8 +302,9 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Searches objects again that a change of the scene has made open, with `rays` rays aimed at each.
-    pub(crate) fn search_again(&mut self, objects: &[u32], rays: u32) {
+    /// Searches open objects again after a change of the scene, with `rays` rays aimed at each. `is_quick` as
+    /// in [`try_triangles`](Self::try_triangles).
+    pub(crate) fn search_again(&mut self, objects: &[u32], rays: u32, is_quick: bool) {
         let mut open = objects.to_vec();
         open.retain(|&o| {
             let is_asked = self.is_open(o) && !self.search.triangles.objects[o as usize].is_open;
@@ -312,7 +313,7 @@ impl<'a> CellQuery<'a> {
         self.aimed_rays(&open, rays);
         open.retain(|&o| self.is_open(o));
         let single = self.groups(open);
-        self.triangles(&single, false);
+        self.triangles(&single, is_quick);
     }
 
     /// Proves a target again, of whose proof some steps no longer hold. `fallen` tells which, `objects` is the

@@ -62,7 +62,7 @@ pub struct UpdateStats {
     /// Number of seen objects whose line of sight a changed occluder blocks.
     pub blocked: usize,
     /// Number of objects that were searched anew: those without a mended proof, those whose line of sight was
-    /// blocked, the changed objects, and open objects beside which something has changed.
+    /// blocked, the changed objects, and open objects before which an occluder was put up.
     pub searched: usize,
     /// Number of objects left for the next update, since the stop function returned true. They are open.
     pub pending: usize,
@@ -211,11 +211,11 @@ impl DynamicCell {
         }
         // First, all that the change can have made wrong becomes open, however little time is left.
         let mut open = core::mem::take(&mut self.pending);
+        let reopened = reopened(&query, triangles, changed);
         for &place in changed.keys() {
             query.verdicts[place as usize] = Verdict::Open;
             open.push(place);
         }
-        open.extend(self.reopened(&query, triangles, changed));
         let fallen = self.take_fallen(changed);
         for &place in fallen.iter().flat_map(|set| &set.objects) {
             query.verdicts[place as usize] = Verdict::Open;
@@ -245,9 +245,10 @@ impl DynamicCell {
                 None => unproven.extend(set.objects),
             }
         }
-        stats.searched = open.len() + unproven.len();
-        query.search_again(&open, self.settings.aimed_rays);
-        query.search_again(&unproven, FALLEN_RAYS);
+        stats.searched = open.len() + unproven.len() + reopened.len();
+        query.search_again(&open, self.settings.aimed_rays, false);
+        query.search_again(&unproven, FALLEN_RAYS, false);
+        query.search_again(&reopened, FALLEN_RAYS, true);
         if query.is_stopped() {
             self.pending = open;
             self.pending.extend(unproven);
@@ -260,27 +261,6 @@ impl DynamicCell {
         self.hidden.extend(sets.map(|set| HiddenSet::new(set.objects.into(), set.proofs, triangles)));
         self.keep(triangles, verdicts);
         stats
-    }
-
-    /// Returns the open objects that are to be searched again: a segment from the viewcell to the object's box
-    /// passes a place where something has changed.
-    fn reopened(
-        &self,
-        query: &CellQuery<'_>,
-        triangles: &SceneTriangles,
-        changed: &BTreeMap<u32, [DVec3; 2]>,
-    ) -> Vec<u32> {
-        let cell = query.search.cell;
-        let open = query.verdicts.iter().enumerate().filter(|(_, verdict)| **verdict == Verdict::Open);
-        let is_passed = |place: &u32| {
-            let object = &triangles.objects[*place as usize];
-            let to = [object.min, object.max];
-            changed.iter().any(|(&place, was)| {
-                let now = &triangles.objects[place as usize];
-                [*was, [now.min, now.max]].iter().any(|at| meets([cell.min, cell.max], to, *at))
-            })
-        };
-        open.map(|(place, _)| place as u32).filter(is_passed).collect()
     }
 
     /// Removes changed objects from the sets of hidden objects, and returns the sets whose proofs name a
@@ -355,6 +335,29 @@ impl DynamicCell {
         let sets = self.hidden.iter().map(|set| 4 * (set.objects.len() + set.occluders.len()));
         proofs + sets.sum::<usize>() + size_of_val(&self.verdicts[..]) + size_of_val(&self.hidden[..])
     }
+}
+
+/// Returns the open objects that a change may have hidden: a segment from the viewcell to the object's box
+/// passes an occluder that was put up. They are searched quickly, since a thorough search found nothing
+/// before. Where occluders are only taken away, open objects stay open, which counts as visible.
+fn reopened(
+    query: &CellQuery<'_>,
+    triangles: &SceneTriangles,
+    changed: &BTreeMap<u32, [DVec3; 2]>,
+) -> Vec<u32> {
+    let cell = query.search.cell;
+    let put_up = changed.keys().map(|&place| &triangles.objects[place as usize]);
+    let put_up: Vec<[DVec3; 2]> = put_up
+        .filter(|object| (object.first..object.end).any(|t| triangles.occludes(t)))
+        .map(|object| [object.min, object.max])
+        .collect();
+    let is_passed = |place: &u32| {
+        let object = &triangles.objects[*place as usize];
+        let to = [object.min, object.max];
+        !changed.contains_key(place) && put_up.iter().any(|at| meets([cell.min, cell.max], to, *at))
+    };
+    let open = (0..).zip(&query.verdicts).filter(|(_, verdict)| **verdict == Verdict::Open);
+    open.map(|(place, _)| place).filter(is_passed).collect()
 }
 
 /// Returns the seen objects whose line of sight may meet an occluder that has changed. Such a line is tested

@@ -15,7 +15,9 @@ use visibility_exact::{
 };
 use visibility_examples::arguments::count;
 use visibility_examples::region::{self, cells};
-use visibility_examples::{Cameras, Reading, exit_code, open_as, print::go_on_without_reader, println};
+use visibility_examples::{
+    Cameras, Reading, eprintln, exit_code, open_as, print::go_on_without_reader, println,
+};
 use visibility_testing::{Random, distance};
 
 /// Take random occluders of a scene away and put them back, and bring what viewcells see up to date.
@@ -65,6 +67,9 @@ fn main() -> ExitCode {
     go_on_without_reader();
     exit_code(run(&Arguments::parse()))
 }
+
+/// Names of the two halves of an edit.
+const WAYS: [&str; 2] = ["taken away", "put back"];
 
 /// Updates of one kind: times in milliseconds and what they have done.
 #[derive(Default)]
@@ -235,7 +240,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             for cell in &mut kept {
                 let start = Instant::now();
                 let stats = cell.update(&triangles, &|| false);
-                updates[way].add(start.elapsed().as_secs_f64() * 1e3, stats);
+                let milliseconds = start.elapsed().as_secs_f64() * 1e3;
+                if milliseconds > 1000.0 {
+                    eprintln!("edit {edit}, {}: {milliseconds:.0} ms for {stats:?}", WAYS[way]);
+                }
+                updates[way].add(milliseconds, stats);
             }
             let before = edit * arguments.compared / arguments.edits;
             if (edit + 1) * arguments.compared / arguments.edits > before {
@@ -262,11 +271,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         "blocked",
         "searched",
     ]);
-    for (name, updates) in ["taken away", "put back"].into_iter().zip(updates) {
+    for (name, updates) in WAYS.into_iter().zip(updates) {
         table.add_row(updates.row(name));
     }
     println!("{table}");
-    for (name, comparison) in ["taken away", "put back"].into_iter().zip(comparisons) {
+    for (name, comparison) in WAYS.into_iter().zip(comparisons) {
         if comparison.seconds.is_empty() {
             continue;
         }
