@@ -13,7 +13,7 @@ use crate::rays::{in_triangle, on_cube};
 use crate::search::{Answer, Budget, Search, Segment};
 use crate::settings::ExactSettings;
 use crate::sight::{CellBox, Target};
-use crate::triangles::SceneTriangles;
+use crate::triangles::{SceneTriangles, TargetObject};
 use crate::verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
 use alloc::{vec, vec::Vec};
 use visibility_core::ObjectId;
@@ -302,9 +302,8 @@ impl<'a> CellQuery<'a> {
         }
     }
 
-    /// Searches open objects again after a change of the scene, with `rays` rays aimed at each. `is_quick` as
-    /// in [`try_triangles`](Self::try_triangles).
-    pub(crate) fn search_again(&mut self, objects: &[u32], rays: u32, is_quick: bool) {
+    /// Searches open objects again after a change of the scene, with `rays` rays aimed at each.
+    pub(crate) fn search_again(&mut self, objects: &[u32], rays: u32) {
         let mut open = objects.to_vec();
         open.retain(|&o| {
             let is_asked = self.is_open(o) && !self.search.triangles.objects[o as usize].is_open;
@@ -313,7 +312,26 @@ impl<'a> CellQuery<'a> {
         self.aimed_rays(&open, rays);
         open.retain(|&o| self.is_open(o));
         let single = self.groups(open);
-        self.triangles(&single, is_quick);
+        self.triangles(&single, false);
+    }
+
+    /// Tries to prove open objects hidden that a thorough search has left open, by a few nodes for the box of
+    /// each: enough for a wall that was put up before them.
+    pub(crate) fn try_boxes(&mut self, objects: &[u32]) {
+        for &o in objects {
+            let TargetObject { min, max, is_open, .. } = self.search.triangles.objects[o as usize];
+            if is_open || !self.is_open(o) || self.meets_cell(min, max) || self.search.must_stop() {
+                continue;
+            }
+            let target = Target::Box { min, max };
+            match self.solve(target, GROUP).0 {
+                Answer::Hidden => self.hide(&[o], &[target]),
+                Answer::Visible(line) => {
+                    self.see_first(line.p, line.q - line.p);
+                }
+                Answer::Undecided => {}
+            }
+        }
     }
 
     /// Proves a target again, of whose proof some steps no longer hold. `fallen` tells which, `objects` is the

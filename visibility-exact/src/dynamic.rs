@@ -246,9 +246,9 @@ impl DynamicCell {
             }
         }
         stats.searched = open.len() + unproven.len() + reopened.len();
-        query.search_again(&open, self.settings.aimed_rays, false);
-        query.search_again(&unproven, FALLEN_RAYS, false);
-        query.search_again(&reopened, FALLEN_RAYS, true);
+        query.search_again(&open, self.settings.aimed_rays);
+        query.search_again(&unproven, FALLEN_RAYS);
+        query.try_boxes(&reopened);
         if query.is_stopped() {
             self.pending = open;
             self.pending.extend(unproven);
@@ -311,6 +311,11 @@ impl DynamicCell {
         self.verdicts.iter().flatten().copied()
     }
 
+    /// Returns the objects that may be visible, seen or open: the row of the viewcell in a baked set.
+    pub fn reported(&self) -> impl Iterator<Item = ObjectId> {
+        self.iter().filter(|(_, verdict)| *verdict != Verdict::Hidden).map(|(id, _)| id)
+    }
+
     /// Returns the numbers of objects seen, hidden and open.
     pub fn counts(&self) -> [usize; 3] {
         let mut counts = [0; 3];
@@ -338,8 +343,8 @@ impl DynamicCell {
 }
 
 /// Returns the open objects that a change may have hidden: a segment from the viewcell to the object's box
-/// passes an occluder that was put up. They are searched quickly, since a thorough search found nothing
-/// before. Where occluders are only taken away, open objects stay open, which counts as visible.
+/// passes an occluder that was put up. Where occluders are only taken away, open objects stay open, which
+/// counts as visible.
 fn reopened(
     query: &CellQuery<'_>,
     triangles: &SceneTriangles,
