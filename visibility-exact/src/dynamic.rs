@@ -77,8 +77,9 @@ pub struct UpdateStats {
 /// objects as those of a new query do, with the same promise: *seen* has a clear line of sight in the present
 /// scene, *hidden* has a proof in the present scene, and open counts as visible. Where both decide an object,
 /// they agree, but for objects that are seen only through gaps narrower than six clearances, which either
-/// query may see or hide. Without a clearance they always agree. Which objects are left open can differ, since
-/// a search ends after a number of nodes, and depends on the searches before it.
+/// query may see or hide. Without a clearance they always agree. Which objects are left open can differ,
+/// since a search ends after a number of nodes, and depends on the searches before it. Occluders count on
+/// whatever layers they are.
 ///
 /// Memory is mostly that of the proofs. [`Effort::Rays`] and [`Effort::Share`] have no proofs: settings made
 /// of them count as [`Effort::Exact`] with their clearance.
@@ -390,8 +391,8 @@ fn blocked(
     blocked
 }
 
-/// Returns whether a segment from the box `from` to the box `to` meets the box `at`, or passes it by less than
-/// rounding. Each box is its least and its greatest corner.
+/// Returns whether a segment from the box `from` to the box `to` meets the box `at`, or passes it by less
+/// than rounding. Each box is its least and its greatest corner.
 ///
 /// The points at a part s of the segments, from 0 to 1, fill the box between the two. It meets `at` if six
 /// linear functions of s are not negative, which leaves a range of s. A value is wrong by 4 roundings of its

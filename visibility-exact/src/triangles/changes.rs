@@ -173,14 +173,14 @@ impl SceneTriangles {
     /// whether something changed that visibility depends on.
     ///
     /// Objects that were inserted since are listed after the others, or in place of the removed object whose
-    /// index they have. [`CellVerdicts`](crate::CellVerdicts) and proofs made before are of the earlier state,
-    /// as positions in the list of objects; [`DynamicCell`](crate::DynamicCell) brings its verdicts up to
-    /// date. All triangles are collected anew if the changes are [not known](Changes::Everything).
+    /// index they have. Verdicts and proofs found before are of the earlier state, as positions in the list
+    /// of objects; [`DynamicCell`](crate::DynamicCell) brings its verdicts up to date. All triangles are
+    /// collected anew if the changes are [not known](Changes::Everything).
     ///
-    /// Time is O(n log n) in the number n of triangles of all objects that have changed since the triangles
-    /// were collected, at most a quarter of all, plus O(log m) in the number m of all for each of the changed.
-    /// The first call after a change takes O(m) once. Memory is reused while an object has no more triangles
-    /// than it ever had.
+    /// With n the number of triangles of all objects that have changed since the triangles were collected,
+    /// at most about a quarter of all, and m the number of all: time is O(n log n), plus O(log m) for each
+    /// triangle that changes. The first call after a change takes O(m) once. Memory is reused while an object
+    /// has no more triangles than it ever had.
     pub fn sync(&mut self, scene: &Scene) -> bool {
         let mut cursor = self.cursor;
         let changed: BTreeSet<usize> = match cursor.follow(scene) {

@@ -5,6 +5,9 @@
 //! Culling", 2002: its query architecture, which samples first, tests groups before their members and ends
 //! early.
 
+mod prices;
+mod search_again;
+
 use crate::chain_scratch::ChainScratch;
 use crate::half::Half;
 use crate::polygon::Polygon;
@@ -13,9 +16,10 @@ use crate::rays::{in_triangle, on_cube};
 use crate::search::{Answer, Budget, Search, Segment};
 use crate::settings::ExactSettings;
 use crate::sight::{CellBox, Target};
-use crate::triangles::{SceneTriangles, TargetObject};
+use crate::triangles::SceneTriangles;
 use crate::verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
 use alloc::{vec, vec::Vec};
+use prices::Prices;
 use visibility_core::ObjectId;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
@@ -61,55 +65,6 @@ const PAST: u32 = 32;
 /// Greatest number of search nodes for the bound on the visible share of one object (the share of the
 /// segments to its box that are unblocked).
 const SHARE: u32 = 2000;
-
-/// Costs of past searches in nodes. They decide whether a group is searched as thoroughly as a single object.
-///
-/// Among houses along streets most groups are hidden as a whole, which costs the nodes of a few objects. In a
-/// building of many rooms groups seldom are hidden, and the nodes are lost. A group may therefore cost a part
-/// of what its objects are likely to cost, as long as groups of about its size have saved more nodes than
-/// they have cost.
-#[derive(Default)]
-struct Prices {
-    /// Nodes spent on searches for single objects, and the number of these objects.
-    single: (u64, u64),
-    /// Nodes spent on thorough searches of groups, and the number of objects proven hidden by them. Indexed
-    /// by the binary logarithm of the group's size.
-    groups: [(u64, u64); 32],
-}
-
-impl Prices {
-    /// Returns an estimate of the nodes that `objects` objects cost if each is searched by itself: `objects`
-    /// times the mean of past searches for single objects.
-    fn singles(&self, objects: u64) -> u64 {
-        objects * self.single.0 / self.single.1.max(1)
-    }
-
-    fn budget(&self, count: usize) -> Budget {
-        if count == 1 {
-            return OBJECT;
-        }
-        let part = self.singles(count as u64) / 6;
-        let (spent, hidden) = self.groups[count.ilog2() as usize % 32];
-        if part > GROUP.nodes.into() && spent <= self.singles(hidden) / 3 + part {
-            Budget { nodes: part.min(OBJECT.nodes.into()) as u32, ..OBJECT }
-        } else {
-            GROUP
-        }
-    }
-
-    fn add(&mut self, count: usize, budget: Budget, used: u32, answer: Answer) {
-        if count == 1 {
-            if answer == Answer::Undecided {
-                return;
-            }
-            self.single = (self.single.0 + u64::from(used), self.single.1 + 1);
-        } else if budget.divided > 0 {
-            let (spent, hidden) = &mut self.groups[count.ilog2() as usize % 32];
-            *spent += u64::from(used);
-            *hidden += if answer == Answer::Hidden { count as u64 } else { 0 };
-        }
-    }
-}
 
 /// Query of the objects that one viewcell sees, in steps: rays, proofs for boxes, proofs for triangles. Each
 /// step works on the objects that its caller asks about and that are still [open](Verdict::Open).
@@ -286,74 +241,6 @@ impl<'a> CellQuery<'a> {
             self.aimed_rays(&open, self.settings.aimed_rays);
         }
         open
-    }
-
-    /// Casts `rays` rays from the viewcell through random points of a box, and marks objects that they meet
-    /// first as seen.
-    pub(crate) fn look_through(&mut self, [min, max]: [DVec3; 2], rays: u32) {
-        for _ in 0..rays {
-            if self.search.must_stop() {
-                return;
-            }
-            self.rays += 1;
-            let to = min + (max - min) * self.random.point();
-            let from = self.search.cell.towards(to, &mut self.random);
-            self.see_first(from, to - from);
-        }
-    }
-
-    /// Searches open objects again after a change of the scene, with `rays` rays aimed at each.
-    pub(crate) fn search_again(&mut self, objects: &[u32], rays: u32) {
-        let mut open = objects.to_vec();
-        open.retain(|&o| {
-            let is_asked = self.is_open(o) && !self.search.triangles.objects[o as usize].is_open;
-            is_asked && !self.find_inside(o as usize)
-        });
-        self.aimed_rays(&open, rays);
-        open.retain(|&o| self.is_open(o));
-        let single = self.groups(open);
-        self.triangles(&single, false);
-    }
-
-    /// Tries to prove open objects hidden that a thorough search has left open, by a few nodes for the box of
-    /// each: enough for a wall that was put up before them.
-    pub(crate) fn try_boxes(&mut self, objects: &[u32]) {
-        for &o in objects {
-            let TargetObject { min, max, is_open, .. } = self.search.triangles.objects[o as usize];
-            if is_open || !self.is_open(o) || self.meets_cell(min, max) || self.search.must_stop() {
-                continue;
-            }
-            let target = Target::Box { min, max };
-            match self.solve(target, GROUP).0 {
-                Answer::Hidden => self.hide(&[o], &[target]),
-                Answer::Visible(line) => {
-                    self.see_first(line.p, line.q - line.p);
-                }
-                Answer::Undecided => {}
-            }
-        }
-    }
-
-    /// Proves a target again, of whose proof some steps no longer hold. `fallen` tells which, `objects` is the
-    /// number of objects in the target. `None` without a proof; if a line of sight is found instead, the first
-    /// object on it is marked as seen.
-    pub(crate) fn mend(&mut self, proof: &Proof, fallen: &[bool], objects: usize) -> Option<Proof> {
-        if !fallen.contains(&true) {
-            return Some(proof.clone());
-        }
-        let budget = match proof.target {
-            Target::Box { .. } => self.prices.budget(objects),
-            Target::Triangle(_) => TRIANGLE,
-        };
-        let (answer, _) = self.search.mend(proof, fallen, budget);
-        match self.checked(proof.target, answer) {
-            Answer::Hidden => Some(self.proof(proof.target)),
-            Answer::Visible(line) => {
-                self.see_first(line.p, line.q - line.p);
-                None
-            }
-            Answer::Undecided => None,
-        }
     }
 
     fn is_open(&self, object: u32) -> bool {
@@ -573,7 +460,7 @@ impl<'a> CellQuery<'a> {
 
     /// Checks the proof that the last search, for `target`, has ended with, if its answer is hidden. Returns
     /// the answer, or undecided after a refused proof.
-    pub(crate) fn checked(&mut self, target: Target, mut answer: Answer) -> Answer {
+    fn checked(&mut self, target: Target, mut answer: Answer) -> Answer {
         if answer == Answer::Hidden {
             let proof = self.proof(target);
             match proof.check(self.search.triangles) {
