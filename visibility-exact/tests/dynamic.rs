@@ -389,7 +389,7 @@ fn verdicts_of_other_triangles_are_found_anew() {
     let all: Vec<ObjectId> = world.scene.ids().collect();
     for step in 0..1500 {
         let id = all[step % all.len()];
-        let up = if step / all.len() % 2 == 0 { Vec3::Y } else { -Vec3::Y };
+        let up = if (step / all.len()).is_multiple_of(2) { Vec3::Y } else { -Vec3::Y };
         let moved = world.objects[id.index()].iter().map(|t| t.map(|v| v + up)).collect();
         world.reshape(id, moved);
         other.sync(&world.scene);
