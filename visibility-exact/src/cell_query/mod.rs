@@ -25,14 +25,6 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::random::Random;
 
-/// Budget of the proof that the box around a group of objects is hidden, unless [`Prices`] allow more.
-///
-/// Groups get few search nodes and are not divided by occluder edges: a group that is not proven at once is
-/// halved, and proofs for its halves take less time. With 300 nodes and divisions, a city took twice as long
-/// for the same answer.
-const GROUP: Budget = Budget { nodes: 50, divided: 0, halvings: 0 };
-/// Budget of the proof that the box of a single object is hidden.
-const OBJECT: Budget = Budget { nodes: 1000, divided: 200, halvings: 12 };
 /// Budget of the search for a line of sight or a proof for one triangle of an object.
 const TRIANGLE: Budget = Budget { nodes: 1500, divided: 200, halvings: 12 };
 /// Number of search nodes after which no further triangle of an object gets a first look.

@@ -1,6 +1,7 @@
 //! Searches for objects that a change of the scene has made open, in a query whose other verdicts are kept.
 
-use super::{CellQuery, GROUP, TRIANGLE};
+use super::prices::GROUP;
+use super::{CellQuery, TRIANGLE};
 use crate::proof::Proof;
 use crate::search::Answer;
 use crate::sight::Target;

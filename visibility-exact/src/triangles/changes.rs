@@ -2,171 +2,17 @@
 //! their triangles, vertices, edges and convex polygons, so that lines of sight and proofs made before still
 //! name the same triangles.
 
-use super::{Piece, SceneTriangles, TargetObject, TriangleFacts, edge_key, greatest, is_out_of_range};
-use super::{target_box, vertex_key};
+use super::log::Change;
+use super::welding::{Welding, edge_key, vertex_key};
+use super::{Piece, SceneTriangles, TargetObject, TriangleFacts, greatest, is_out_of_range, target_box};
 use crate::triangle_tree::TriangleTree;
-use alloc::collections::{BTreeMap, BTreeSet, VecDeque};
+use alloc::collections::BTreeSet;
 use alloc::{boxed::Box, vec, vec::Vec};
 use visibility_core::Scene;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::level_version::level_object;
 use visibility_core::scene::Changes;
 use visibility_core::stamp::Stamp;
-
-/// Change of one object.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Change {
-    /// Position of the object in the list of objects.
-    pub(crate) place: u32,
-    /// Box around the triangles by which the object occluded before, in scene coordinates. The least corner
-    /// is above the greatest if there were none.
-    pub(crate) was: [DVec3; 2],
-}
-
-/// Changes of the objects, oldest first, as far as they are known.
-#[derive(Clone, Debug)]
-pub(super) struct Log {
-    /// Stamp of the present state.
-    stamp: Stamp,
-    /// For each call of [`SceneTriangles::sync`] that changed something: the stamp of the state before, and
-    /// the changes.
-    entries: VecDeque<(Stamp, Box<[Change]>)>,
-    /// Number of changes in all entries.
-    count: usize,
-    /// Number of calls of [`SceneTriangles::sync`] that changed something.
-    pub(super) serial: u64,
-}
-
-impl Default for Log {
-    fn default() -> Self {
-        Self { stamp: Stamp::new(), entries: VecDeque::new(), count: 0, serial: 0 }
-    }
-}
-
-impl Log {
-    /// Least number of changes that are kept. With more, a query from the start takes hardly longer.
-    const KEPT: usize = 1024;
-
-    fn push(&mut self, changes: Vec<Change>, objects: usize) {
-        self.count += changes.len();
-        self.entries.push_back((self.stamp, changes.into()));
-        self.stamp = Stamp::new();
-        while self.count > Self::KEPT.max(objects / 4)
-            && let Some((_, dropped)) = self.entries.pop_front()
-        {
-            self.count -= dropped.len();
-        }
-    }
-}
-
-/// Numbers of equal things: those of the time when the scene was prepared, by rank, and later ones.
-#[derive(Clone, Debug)]
-struct Numbers<K> {
-    /// Keys in ascending order. The number of a key is its position.
-    first: Vec<K>,
-    /// For each later key, its number and how many triangles use it.
-    later: BTreeMap<K, (u32, u32)>,
-    /// Numbers of later keys that no triangle uses any more.
-    free: Vec<u32>,
-    /// Exclusive upper bound on all numbers.
-    limit: u32,
-}
-
-impl<K: Ord + Copy> Numbers<K> {
-    fn new(first: Vec<K>) -> Self {
-        let limit = first.len() as u32;
-        Self { first, later: BTreeMap::new(), free: Vec::new(), limit }
-    }
-
-    /// Returns the number of a key, for one more use.
-    fn take(&mut self, key: K) -> u32 {
-        if let Ok(rank) = self.first.binary_search(&key) {
-            return rank as u32;
-        }
-        let (free, limit) = (&mut self.free, &mut self.limit);
-        let (number, uses) = self.later.entry(key).or_insert_with(|| {
-            let number = free.pop().unwrap_or_else(|| {
-                *limit += 1;
-                *limit - 1
-            });
-            (number, 0)
-        });
-        *uses += 1;
-        *number
-    }
-
-    /// Ends one use of a key that [`take`](Self::take) has returned a number for, or that is of the first.
-    fn release(&mut self, key: K) {
-        if self.first.binary_search(&key).is_err()
-            && let Some((number, uses)) = self.later.get_mut(&key)
-        {
-            *uses -= 1;
-            if *uses == 0 {
-                self.free.push(*number);
-                self.later.remove(&key);
-            }
-        }
-    }
-}
-
-/// What is needed to give triangles of changed objects the numbers of equal vertices and edges.
-#[derive(Clone, Debug)]
-pub(super) struct Welding {
-    /// For each object index of the scene, the position in the list of objects. `u32::MAX` for none.
-    place_of: Vec<u32>,
-    vertices: Numbers<[u32; 3]>,
-    edges: Numbers<[u32; 2]>,
-    /// Occluding triangles at each edge at which they have changed.
-    lists: BTreeMap<u32, Vec<u32>>,
-    /// Indices of unused elements of `pieces`.
-    free_pieces: Vec<u32>,
-    /// Indices of the occluding triangles that are not in the first tree.
-    added: Vec<u32>,
-}
-
-impl Welding {
-    fn new(all: &SceneTriangles) -> Self {
-        let limit = all.objects.iter().map(|object| object.id.index() + 1).max().unwrap_or(0);
-        let mut place_of = vec![u32::MAX; limit];
-        for (object, place) in all.objects.iter().zip(0..) {
-            place_of[object.id.index()] = place;
-        }
-        // Vertices and edges are numbered by the ranks of their keys.
-        let numbers = all.vertices.as_flattened();
-        let mut vertices = vec![[0; 3]; numbers.iter().map(|&v| v as usize + 1).max().unwrap_or(0)];
-        let mut edges = vec![[0; 2]; all.edge_count()];
-        for (t, corners) in all.corners.iter().enumerate() {
-            for k in 0..3 {
-                vertices[all.vertices[t][k] as usize] = vertex_key(corners[k]);
-                edges[all.edges[t][k] as usize] = edge_key(all.vertices[t], k);
-            }
-        }
-        Self {
-            place_of,
-            vertices: Numbers::new(vertices),
-            edges: Numbers::new(edges),
-            lists: BTreeMap::new(),
-            free_pieces: Vec::new(),
-            added: Vec::new(),
-        }
-    }
-
-    pub(super) fn edge_limit(&self) -> usize {
-        self.edges.limit as usize
-    }
-
-    /// Returns whether all occluding triangles are in the first tree.
-    #[cfg(test)]
-    pub(super) fn is_merged(&self) -> bool {
-        self.added.is_empty()
-    }
-
-    /// Returns the occluding triangles at an edge, if these have changed.
-    pub(super) fn triangles_at(&self, edge: u32) -> Option<&[u32]> {
-        let is_later = edge as usize >= self.edges.first.len();
-        self.lists.get(&edge).map(Vec::as_slice).or(is_later.then_some(&[]))
-    }
-}
 
 impl SceneTriangles {
     /// Takes in all changes of the scene since the triangles were collected or last synchronised. Returns
@@ -194,7 +40,7 @@ impl SceneTriangles {
         if changed.is_empty() {
             return false;
         }
-        let mut welding = self.welding.take().unwrap_or_else(|| Box::new(Welding::new(self)));
+        let mut welding = self.welding.take().unwrap_or_else(|| Box::new(self.new_welding()));
         let (mut log, mut broken) = (Vec::new(), BTreeSet::new());
         for index in changed {
             log.extend(self.sync_object(scene, index, &mut welding, &mut broken));
@@ -237,6 +83,26 @@ impl SceneTriangles {
             self.welding = Some(welding);
         }
         is_changed
+    }
+
+    /// Returns the numbers of vertices and edges by what they are equal to, before the first change.
+    fn new_welding(&self) -> Welding {
+        let limit = self.objects.iter().map(|object| object.id.index() + 1).max().unwrap_or(0);
+        let mut place_of = vec![u32::MAX; limit];
+        for (object, place) in self.objects.iter().zip(0..) {
+            place_of[object.id.index()] = place;
+        }
+        // Vertices and edges are numbered by the ranks of their keys.
+        let numbers = self.vertices.as_flattened();
+        let mut vertices = vec![[0; 3]; numbers.iter().map(|&v| v as usize + 1).max().unwrap_or(0)];
+        let mut edges = vec![[0; 2]; self.edge_count()];
+        for (t, corners) in self.corners.iter().enumerate() {
+            for k in 0..3 {
+                vertices[self.vertices[t][k] as usize] = vertex_key(corners[k]);
+                edges[self.edges[t][k] as usize] = edge_key(self.vertices[t], k);
+            }
+        }
+        Welding::new(place_of, vertices, edges)
     }
 
     /// Takes in the present state of the object with index `index` in the scene. Adds to `broken` the
@@ -380,14 +246,6 @@ impl SceneTriangles {
             let ends = (self.edge_starts.get(edge as usize), self.edge_starts.get(edge as usize + 1));
             let (Some(&start), Some(&end)) = ends else { return Vec::new() };
             self.edge_triangles.get(start as usize..end as usize).unwrap_or_default().to_vec()
-        })
-    }
-
-    /// Returns the index of an unused element of `pieces`.
-    pub(super) fn free_piece(&mut self) -> u32 {
-        self.welding.as_mut().and_then(|welding| welding.free_pieces.pop()).unwrap_or_else(|| {
-            self.pieces.push(Piece::empty(self.log.serial));
-            self.pieces.len() as u32 - 1
         })
     }
 

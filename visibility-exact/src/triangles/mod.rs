@@ -1,19 +1,22 @@
 //! The triangles of a scene, welded: shared edges and convex polygons of coplanar triangles are found.
 
 mod changes;
+mod log;
 #[cfg(test)]
 mod tests;
+mod welding;
 
 use crate::half::Half;
 use crate::line_side::{U, side, sign};
 use crate::triangle_tree::TriangleTree;
 use alloc::{boxed::Box, vec, vec::Vec};
-use changes::{Log, Welding};
+use log::Log;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::level_version::level_object;
 use visibility_core::scene::{SceneCursor, Triangles};
 use visibility_core::{Object, ObjectId, Scene};
+use welding::{Welding, edge_key, vertex_key};
 
 /// The triangles of all objects of a scene, prepared for exact queries. Made once, then shared by cullers,
 /// bakes and the checks of proofs.
@@ -299,6 +302,14 @@ impl SceneTriangles {
         }
     }
 
+    /// Returns the index of an unused element of `pieces`.
+    fn free_piece(&mut self) -> u32 {
+        self.welding.as_mut().and_then(|welding| welding.free_pieces.pop()).unwrap_or_else(|| {
+            self.pieces.push(Piece::empty(self.log.serial));
+            self.pieces.len() as u32 - 1
+        })
+    }
+
     fn grow_piece(&self, first: u32) -> Piece {
         let plane = self.corners(first);
         let normal = unit_normal(&plane).unwrap_or(DVec3::ZERO);
@@ -461,18 +472,6 @@ impl SceneTriangles {
     pub(crate) fn position_error(&self, magnitude: f64) -> f64 {
         128.0 * U * self.magnitude.max(magnitude)
     }
-}
-
-/// Returns the key by which vertices with equal coordinates are found.
-fn vertex_key(position: Vec3) -> [u32; 3] {
-    position.to_array().map(f32::to_bits)
-}
-
-/// Returns the key by which edges between the same vertices are found: the numbers of the ends of edge `k`,
-/// the lower first.
-fn edge_key(vertices: [u32; 3], k: usize) -> [u32; 2] {
-    let (a, b) = (vertices[k], vertices[(k + 1) % 3]);
-    [a.min(b), a.max(b)]
 }
 
 /// Returns the greater of `magnitude` and the greatest absolute coordinate of a triangle.
