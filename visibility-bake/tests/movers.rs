@@ -61,7 +61,7 @@ fn movers_are_drawn_where_their_volume_is_visible() {
         let eye = cell.min + (cell.max - cell.min) * random.point();
         let at = scene.bounds(movers[random.below(movers.len())]).unwrap();
         let at = ((at.min + at.max) * 0.5).as_dvec3();
-        let pose = Pose::look_at(eye, (at - eye).normalize(), DVec3::Z);
+        let pose = Pose::look_at(eye, at, DVec3::Z);
         let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.01, f64::INFINITY).unwrap();
         pipeline.cull(&scene, &view, &mut visible);
         for (&mover, &(volume, _)) in movers.iter().zip(&volumes) {
