@@ -9,6 +9,7 @@ mod forged_bytes;
 mod forged_counts;
 mod free_space;
 mod level_files;
+mod movers;
 mod sandwiches;
 mod versions;
 

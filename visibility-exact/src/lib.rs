@@ -6,6 +6,7 @@
 //!   certainly misses all triangles; hidden, with a [`Proof`]; or open, which counts as visible. An
 //!   [`Effort`] chooses between rays alone, which miss barely visible objects, certified bounds on visible
 //!   shares, and proofs.
+//! - [`DynamicCell`] keeps the verdicts from one viewcell up to date while occluders move.
 //! - [`CellQuery`] is one viewcell's query in steps, for a bake with a budget such as `visibility-bake`.
 //!
 //! Based on: Shaun Nirenstein, Edwin Blake and James Gain, "Exact From-Region Visibility Culling", 2002. Its
@@ -25,6 +26,7 @@ mod chain_scratch;
 mod check;
 mod corner_proof;
 mod culler;
+mod dynamic;
 mod half;
 mod line_side;
 mod matrix_game;
@@ -45,6 +47,7 @@ mod verdict;
 pub use cell_query::CellQuery;
 pub use check::ProofError;
 pub use culler::ExactCuller;
+pub use dynamic::{DynamicCell, UpdateStats};
 pub use proof::Proof;
 pub use settings::{Effort, ExactSettings};
 pub use triangles::SceneTriangles;

@@ -1,6 +1,7 @@
 //! Proofs, as data, that a target cannot be seen from a viewcell.
 
 use crate::sight::{CellBox, Target};
+use crate::triangles::SceneTriangles;
 use alloc::{boxed::Box, vec::Vec};
 use visibility_core::glam::DVec3;
 
@@ -37,9 +38,61 @@ impl Proof {
         self.steps.len()
     }
 
+    /// Returns the size of the proof in bytes.
+    pub(crate) fn memory(&self) -> usize {
+        size_of::<Self>() + self.steps.iter().map(Step::memory).sum::<usize>()
+    }
+
+    /// Calls `visit` with the position of each object whose triangles the proof rests on, in the list of
+    /// objects of the [`SceneTriangles`]. An object may be visited several times.
+    pub(crate) fn occluders(&self, triangles: &SceneTriangles, mut visit: impl FnMut(u32)) {
+        for step in &self.steps {
+            step.triangles(triangles).iter().for_each(|&t| visit(triangles.object_of(t) as u32));
+        }
+    }
+
     /// Returns whether the proof has no nodes: the target has no area that faces the viewcell.
     pub fn is_empty(&self) -> bool {
         self.steps.is_empty()
+    }
+}
+
+impl Step {
+    /// Returns the indices of the triangles that the step names, not counting the steps that follow it. Those
+    /// of a loop are all triangles of its convex polygon.
+    pub(crate) fn triangles<'a>(&'a self, all: &'a SceneTriangles) -> &'a [u32] {
+        match self {
+            Self::Split { triangle } => core::slice::from_ref(triangle),
+            Self::Surface { triangles, .. } => triangles,
+            Self::Loop { piece, .. } => all.piece_triangles(*piece).unwrap_or_default(),
+            Self::Halves { .. } | Self::Empty { .. } | Self::Corner { .. } => &[],
+        }
+    }
+
+    /// Returns the size of the step in bytes.
+    fn memory(&self) -> usize {
+        let weights = |edge: &LoopEdge| match edge {
+            LoopEdge::Never { weights } => size_of_val(&weights[..]),
+            LoopEdge::Inside | LoopEdge::Divides => 0,
+        };
+        let parts = match self {
+            Self::Surface { triangles, moved, .. } => size_of_val(&triangles[..]) + size_of_val(&moved[..]),
+            Self::Empty { weights } => size_of_val(&weights[..]),
+            Self::Loop { ring, edges, .. } => {
+                size_of_val(&ring[..]) + size_of_val(&edges[..]) + edges.iter().map(weights).sum::<usize>()
+            }
+            Self::Halves { .. } | Self::Split { .. } | Self::Corner { .. } => 0,
+        };
+        size_of::<Self>() + parts
+    }
+
+    /// Returns the number of parts of the node, whose steps follow.
+    pub(crate) fn parts(&self) -> usize {
+        match self {
+            Self::Halves { .. } | Self::Split { .. } => 2,
+            Self::Loop { edges, .. } => edges.iter().filter(|&edge| *edge == LoopEdge::Divides).count(),
+            Self::Surface { .. } | Self::Empty { .. } | Self::Corner { .. } => 0,
+        }
     }
 }
 

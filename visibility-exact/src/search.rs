@@ -4,7 +4,7 @@
 
 use crate::chain_scratch::{ChainScratch, Obstacle};
 use crate::matrix_game::{Matrix, MatrixGame};
-use crate::proof::Step;
+use crate::proof::{Proof, Step};
 use crate::shaft::Shaft;
 use crate::sight::{CellBox, Facing, Sight, Target, position_error, sights};
 use crate::triangles::SceneTriangles;
@@ -121,7 +121,7 @@ impl<'a> Search<'a> {
         clearance: f64,
         chain: Option<ChainScratch>,
     ) -> Self {
-        let (count, edges) = (triangles.len(), triangles.edge_count());
+        let (count, edges) = (triangles.index_limit(), triangles.edge_count());
         Self {
             triangles,
             cell,
@@ -193,6 +193,62 @@ impl<'a> Search<'a> {
         let delta = position_error(self.triangles, &self.cell, target, self.clearance);
         self.delta = delta.unwrap_or(f64::INFINITY);
         delta.is_some()
+    }
+
+    /// Decides the target of a proof again, of which some steps no longer hold: those whose position in the
+    /// proof is set in `fallen`. Only the smallest nodes without further edges that contain such a step are
+    /// searched; all other steps are taken from the proof. The answer and the steps are as those of
+    /// [`solve_target`](Self::solve_target).
+    pub(crate) fn mend(&mut self, proof: &Proof, fallen: &[bool], budget: Budget) -> (Answer, u32) {
+        if !self.begin(proof.target, budget) {
+            return (Answer::Undecided, 0);
+        }
+        let all = sights(self.triangles, &self.cell, proof.target, self.clearance, self.pad());
+        let Some(all) = all else { return (Answer::Undecided, 0) };
+        let mut rest = Steps { steps: &proof.steps, fallen };
+        for sight in all {
+            match self.mend_node(&sight, &mut rest, 0, 0) {
+                Answer::Hidden => {}
+                answer => return (answer, self.used),
+            }
+        }
+        (Answer::Hidden, self.used)
+    }
+
+    /// Decides a node whose steps are the first of `rest`, and removes these from `rest`.
+    fn mend_node(&mut self, sight: &Sight, rest: &mut Steps<'_>, depth: u32, splits: u32) -> Answer {
+        let (Some(step), Some(is_fallen)) = (rest.steps.first(), rest.fallen.first()) else {
+            return Answer::Undecided;
+        };
+        let node = rest.peek_node();
+        if !node.fallen.contains(&true) {
+            self.steps.extend_from_slice(node.steps);
+            rest.skip(node.steps.len());
+            return Answer::Hidden;
+        }
+        let parts = match step {
+            _ if *is_fallen => None,
+            Step::Halves { of_p, across } => Some((sight.halves(*of_p, *across), [depth + 1, splits])),
+            Step::Split { triangle } => {
+                let front = self.triangles.front(*triangle);
+                let parts = front.and_then(|front| sight.split(front, self.clearance, self.pad()));
+                parts.map(|parts| (parts, [depth, splits + 1]))
+            }
+            _ => None,
+        };
+        let Some((parts, [depth, splits])) = parts else {
+            rest.skip(node.steps.len());
+            return self.node(sight, depth, splits);
+        };
+        self.steps.push(step.clone());
+        rest.skip(1);
+        for part in &parts {
+            match self.mend_node(part, rest, depth, splits) {
+                Answer::Hidden => {}
+                answer => return answer,
+            }
+        }
+        Answer::Hidden
     }
 
     /// Decides a node, which `depth` halvings and `splits` cuts of the viewcell polygon have led to.
@@ -353,6 +409,32 @@ impl<'a> Search<'a> {
     /// meet other triangles.
     pub(crate) fn probe(&self, line: Segment, hits: &mut Vec<u32>) -> bool {
         self.triangles.tree.crossed(line.p, line.q, self.skip, HITS, hits)
+    }
+}
+
+/// The steps of a proof that have not been visited, and for each whether it no longer holds.
+#[derive(Clone, Copy)]
+struct Steps<'a> {
+    steps: &'a [Step],
+    fallen: &'a [bool],
+}
+
+impl Steps<'_> {
+    /// Returns the steps of the first node: its own, and those of all its parts.
+    fn peek_node(self) -> Self {
+        let (mut nodes, mut count) = (1, 0);
+        while nodes > 0
+            && let Some(step) = self.steps.get(count)
+        {
+            nodes = nodes - 1 + step.parts();
+            count += 1;
+        }
+        Self { steps: &self.steps[..count], fallen: self.fallen.get(..count).unwrap_or(&[true]) }
+    }
+
+    fn skip(&mut self, count: usize) {
+        self.steps = self.steps.get(count..).unwrap_or_default();
+        self.fallen = self.fallen.get(count..).unwrap_or_default();
     }
 }
 

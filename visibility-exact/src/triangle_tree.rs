@@ -5,7 +5,8 @@ use crate::line_side::{Crossing, segment_triangle, side, sign};
 use alloc::vec::Vec;
 use visibility_core::glam::{DVec3, Vec3};
 
-/// A binary tree of bounding boxes, split by the surface-area heuristic.
+/// A binary tree of bounding boxes, split by the surface-area heuristic. Triangles that are added later are
+/// in a second tree of the same kind.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TriangleTree {
     nodes: Vec<Node>,
@@ -14,8 +15,29 @@ pub(crate) struct TriangleTree {
     order: Vec<u32>,
     /// For each entry of `order`, the corners of the triangle in scene coordinates.
     corners: Vec<[Vec3; 3]>,
-    /// For each entry of `order`, whether the triangle is one-sided, so that segments from behind pass it.
-    one_sided: Vec<bool>,
+    /// For each entry of `order`, from which sides the triangle stops segments.
+    stops: Vec<Stops>,
+    /// Number of nodes of the first tree, which come before those of the tree over added triangles.
+    first_nodes: usize,
+    /// Number of entries of `order` of the first tree, which come before those of added triangles.
+    first_count: usize,
+}
+
+/// Sides of a triangle from which it stops segments and rays.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Stops {
+    /// Both sides.
+    Both,
+    /// The front alone: segments from behind pass a one-sided triangle.
+    Front,
+    /// No side: the triangle was removed.
+    Neither,
+}
+
+impl Stops {
+    fn new(is_one_sided: bool) -> Self {
+        if is_one_sided { Self::Front } else { Self::Both }
+    }
 }
 
 /// A node of the tree. The first child of an inner node is the next node in the list.
@@ -50,9 +72,9 @@ const LEAF: usize = 4;
 /// Depth in the tree (0 for the root) from which nodes are split at the median. This bounds the depth of the
 /// tree.
 const DEEP: usize = 48;
-/// Upper bound on the depth of the tree: [`DEEP`] levels, then at most 32 halvings of up to 2^32 triangles,
-/// and two levels of reserve.
-const STACK: usize = DEEP + 34;
+/// Upper bound on the depth of a tree: [`DEEP`] levels, then at most 32 halvings of up to 2^32 triangles. One
+/// more entry is the root of the second tree, and two are reserve.
+const STACK: usize = DEEP + 35;
 /// Greatest number of triangles that a segment may touch without certainly crossing them. A search ends after
 /// more.
 const TOUCHED: u32 = 4096;
@@ -63,20 +85,83 @@ impl TriangleTree {
     /// Builds the tree over the triangles whose indices are in `order`. Segments and rays pass a one-sided
     /// triangle from behind.
     pub(crate) fn new(all: &[[Vec3; 3]], order: Vec<u32>, is_one_sided: impl Fn(u32) -> bool) -> Self {
-        let leaf = |&number: &u32| {
-            let t = &all[number as usize];
-            LeafBox { min: t[0].min(t[1]).min(t[2]), max: t[0].max(t[1]).max(t[2]), number }
-        };
-        let mut boxes: Vec<LeafBox> = order.iter().map(leaf).collect();
-        let mut tree = Self { nodes: Vec::new(), order, corners: Vec::new(), one_sided: Vec::new() };
-        if !boxes.is_empty() {
-            tree.build(&mut boxes, 0, 0);
-        }
-        tree.order.clear();
-        tree.order.extend(boxes.iter().map(|leaf| leaf.number));
-        tree.corners = tree.order.iter().map(|&i| all[i as usize]).collect();
-        tree.one_sided = tree.order.iter().map(|&i| is_one_sided(i)).collect();
+        let mut tree = Self::default();
+        tree.append(all, &order, is_one_sided);
+        (tree.first_nodes, tree.first_count) = (tree.nodes.len(), tree.order.len());
         tree
+    }
+
+    /// Builds a tree over the triangles whose indices are in `numbers`, behind the nodes and entries so far.
+    fn append(&mut self, all: &[[Vec3; 3]], numbers: &[u32], is_one_sided: impl Fn(u32) -> bool) {
+        let leaf = |&number: &u32| {
+            let (min, max) = bounds(&all[number as usize]);
+            LeafBox { min, max, number }
+        };
+        let mut boxes: Vec<LeafBox> = numbers.iter().map(leaf).collect();
+        if boxes.is_empty() {
+            return;
+        }
+        self.build(&mut boxes, self.order.len(), 0);
+        for leaf in boxes {
+            self.order.push(leaf.number);
+            self.corners.push(all[leaf.number as usize]);
+            self.stops.push(Stops::new(is_one_sided(leaf.number)));
+        }
+    }
+
+    /// Replaces the added triangles by those whose indices are in `numbers`, and builds the second tree over
+    /// them. Time is O(n log n) in their number.
+    pub(crate) fn set_added(
+        &mut self,
+        all: &[[Vec3; 3]],
+        numbers: &[u32],
+        is_one_sided: impl Fn(u32) -> bool,
+    ) {
+        self.nodes.truncate(self.first_nodes);
+        self.order.truncate(self.first_count);
+        self.corners.truncate(self.first_count);
+        self.stops.truncate(self.first_count);
+        self.append(all, numbers, is_one_sided);
+    }
+
+    /// Returns the number of triangles of the first tree, removed ones included.
+    pub(crate) fn first_count(&self) -> usize {
+        self.first_count
+    }
+
+    /// Removes a triangle, given by its index and its corners, from the first tree. Nothing happens if the
+    /// first tree does not contain it. Time is O(log n), more where many boxes overlap.
+    pub(crate) fn remove(&mut self, number: u32, corners: &[Vec3; 3]) {
+        let (min, max) = bounds(corners);
+        let (mut stack, mut top) = ([0u32; STACK], usize::from(self.first_nodes > 0));
+        while top > 0 {
+            top -= 1;
+            let at = stack[top];
+            let node = self.nodes[at as usize];
+            if !(node.min.cmple(min).all() && max.cmple(node.max).all()) {
+                continue;
+            }
+            if node.count > 0 {
+                for k in node.link as usize..(node.link + node.count) as usize {
+                    if self.order[k] == number {
+                        self.stops[k] = Stops::Neither;
+                    }
+                }
+            } else {
+                (stack[top], stack[top + 1]) = (node.link, at + 1);
+                top += 2;
+            }
+        }
+    }
+
+    /// Returns the roots of both trees, as indices in `nodes`, and their number.
+    fn roots(&self) -> ([u32; 2], usize) {
+        let second = self.first_nodes as u32;
+        match (second > 0, self.nodes.len() > self.first_nodes) {
+            (true, true) => ([0, second], 2),
+            (false, false) => ([0, 0], 0),
+            _ => ([0, 0], 1),
+        }
     }
 
     /// Adds the nodes over `boxes`, and sorts `boxes` into the order of the leaves. `first` is the position
@@ -134,12 +219,13 @@ impl TriangleTree {
         let (mut unsure, mut touched) = (false, 0);
         self.walk(p, q, |first, count| {
             for k in first..first + count {
-                if self.order[k] == skip {
+                let stops = self.stops[k];
+                if self.order[k] == skip || stops == Stops::Neither {
                     continue;
                 }
                 let corners = self.corners[k].map(Vec3::as_dvec3);
                 match segment_triangle(p, q, &corners) {
-                    Crossing::Yes | Crossing::Unsure if self.one_sided[k] && is_behind(p, &corners) => {}
+                    Crossing::Yes | Crossing::Unsure if stops == Stops::Front && is_behind(p, &corners) => {}
                     Crossing::Yes => {
                         hits.push(self.order[k]);
                         unsure |= hits.len() >= most;
@@ -172,7 +258,9 @@ impl TriangleTree {
         let direction = q - p;
         let inverse = direction.map(|x| if x.abs() < 1e-200 { 1e200 } else { 1.0 / x });
         let (low, high) = (p.min(q), p.max(q));
-        let (mut stack, mut top) = ([0u32; STACK], usize::from(!self.nodes.is_empty()));
+        let (roots, mut top) = self.roots();
+        let mut stack = [0u32; STACK];
+        stack[..2].copy_from_slice(&roots);
         while top > 0 {
             top -= 1;
             let at = stack[top];
@@ -213,7 +301,11 @@ impl TriangleTree {
         };
         let mut best: Option<(f64, u32)> = None;
         let mut reach = f64::MAX;
-        let (mut stack, mut top) = ([(0u32, 0.0f64); STACK], usize::from(!self.nodes.is_empty()));
+        let (roots, mut top) = self.roots();
+        let mut stack = [(0u32, 0.0f64); STACK];
+        for (entry, root) in stack.iter_mut().zip(roots) {
+            entry.0 = root;
+        }
         while top > 0 {
             top -= 1;
             let (at, distance) = stack[top];
@@ -223,7 +315,7 @@ impl TriangleTree {
             let node = &self.nodes[at as usize];
             if node.count > 0 {
                 for k in node.link as usize..(node.link + node.count) as usize {
-                    if let Some(distance) = hit(p, d, &self.corners[k], self.one_sided[k])
+                    if let Some(distance) = hit(p, d, &self.corners[k], self.stops[k])
                         && distance < reach
                     {
                         (reach, best) = (distance, Some((distance, self.order[k])));
@@ -244,6 +336,11 @@ impl TriangleTree {
         }
         best
     }
+}
+
+/// Returns the least and the greatest corner of the box around a triangle.
+fn bounds(t: &[Vec3; 3]) -> (Vec3, Vec3) {
+    (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]))
 }
 
 /// Returns the split with the least cost, as the number of the first bin of the second child.
@@ -280,14 +377,14 @@ fn is_behind(p: DVec3, &[a, b, c]: &[DVec3; 3]) -> bool {
 }
 
 /// Returns the distance at which a ray meets a triangle, in multiples of d's length. `None` if the ray misses
-/// the triangle, or meets the back of a one-sided triangle. Computed in floating point without error bounds
+/// the triangle, or meets a side that does not stop it. Computed in floating point without error bounds
 /// (Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997).
-fn hit(p: DVec3, d: DVec3, t: &[Vec3; 3], is_one_sided: bool) -> Option<f64> {
+fn hit(p: DVec3, d: DVec3, t: &[Vec3; 3], stops: Stops) -> Option<f64> {
     let t = t.map(Vec3::as_dvec3);
     let (e, f) = (t[1] - t[0], t[2] - t[0]);
     let h = d.cross(f);
     let determinant = e.dot(h);
-    if is_one_sided && determinant <= 0.0 {
+    if stops == Stops::Neither || (stops == Stops::Front && determinant <= 0.0) {
         return None;
     }
     let s = p - t[0];

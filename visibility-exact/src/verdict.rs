@@ -77,10 +77,13 @@ impl CellVerdicts {
         &'a self,
         triangles: &'a SceneTriangles,
     ) -> impl Iterator<Item = (ObjectId, Verdict)> + 'a {
-        triangles.objects.iter().map(|object| object.id).zip(self.verdicts.iter().copied())
+        let verdicts = triangles.objects.iter().zip(self.verdicts.iter().copied());
+        verdicts.filter(|(object, _)| !object.is_removed).map(|(object, verdict)| (object.id, verdict))
     }
 
-    /// Returns the numbers of objects seen, hidden and open. Hardly visible objects count as hidden.
+    /// Returns the numbers of objects seen, hidden and open. Hardly visible objects count as hidden. Objects
+    /// that [`SceneTriangles::sync`] has found removed count as open, though [`iter`](Self::iter) leaves them
+    /// out.
     pub fn counts(&self) -> [usize; 3] {
         let mut counts = [0; 3];
         for verdict in &self.verdicts {

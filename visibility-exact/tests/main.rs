@@ -5,6 +5,7 @@
 mod absent_occluders;
 mod common;
 mod coplanar;
+mod dynamic;
 mod game_maps;
 mod grid_worlds;
 mod groups;

@@ -63,7 +63,7 @@ impl Proof {
     /// chance.
     pub fn check(&self, triangles: &SceneTriangles) -> Result<(), ProofError> {
         if let Target::Triangle(t) = self.target
-            && t as usize >= triangles.len()
+            && t as usize >= triangles.index_limit()
         {
             return Err(ProofError::Form);
         }
@@ -104,7 +104,7 @@ impl Check<'_> {
             Step::Split { triangle } => {
                 // The parts of the viewcell polygon in front of and behind the triangle's plane. Both must be
                 // proven.
-                let front = (*triangle as usize) < self.triangles.len() && self.splits < SPLITS;
+                let front = (*triangle as usize) < self.triangles.index_limit() && self.splits < SPLITS;
                 let front = front.then(|| self.triangles.front(*triangle)).flatten();
                 let parts = front.and_then(|front| sight.split(front, self.clearance, 4.0 * self.delta));
                 self.splits += 1;

@@ -18,7 +18,7 @@ impl Check<'_> {
         line: [DVec3; 2],
     ) -> bool {
         let all = self.triangles;
-        let is_usable = |t: u32| (t as usize) < all.len() && all.occludes(t) && self.faces(sight, t);
+        let is_usable = |t: u32| (t as usize) < all.index_limit() && all.occludes(t) && self.faces(sight, t);
         if !surface.iter().all(|&t| is_usable(t))
             || !is_in(&sight.p, line[0], self.delta)
             || !is_in(&sight.q, line[1], self.delta)

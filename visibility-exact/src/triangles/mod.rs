@@ -1,17 +1,22 @@
 //! The triangles of a scene, welded: shared edges and convex polygons of coplanar triangles are found.
 
+mod changes;
+mod log;
 #[cfg(test)]
 mod tests;
+mod welding;
 
 use crate::half::Half;
 use crate::line_side::{U, side, sign};
 use crate::triangle_tree::TriangleTree;
 use alloc::{boxed::Box, vec, vec::Vec};
+use log::Log;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::level_version::level_object;
-use visibility_core::scene::SceneCursor;
-use visibility_core::{ObjectId, Scene};
+use visibility_core::scene::{SceneCursor, Triangles};
+use visibility_core::{Object, ObjectId, Scene};
+use welding::{Welding, edge_key, vertex_key};
 
 /// The triangles of all objects of a scene, prepared for exact queries. Made once, then shared by cullers,
 /// bakes and the checks of proofs.
@@ -27,7 +32,8 @@ use visibility_core::{ObjectId, Scene};
 /// are seen only from there.
 ///
 /// Vertices with equal coordinates are welded, also across objects. Takes about 150 bytes for each triangle.
-/// Building takes O(n log n).
+/// Building takes O(n log n). [`sync`](Self::sync) takes in what has changed in the scene since, in time that
+/// depends on the changed objects.
 ///
 /// ```
 /// use visibility_core::{glam::Vec3, Aabb, Object, Scene};
@@ -75,8 +81,12 @@ pub struct SceneTriangles {
     /// triangle does not occlude.
     piece_of: Vec<u32>,
     pub(crate) tree: TriangleTree,
-    /// Greatest absolute coordinate of the scene, in metres.
+    /// Greatest absolute coordinate of the scene so far, in metres.
     magnitude: f64,
+    /// Numbers of vertices and edges by what they are equal to. `None` before the first change.
+    welding: Option<Box<Welding>>,
+    /// Changes of the objects, for those who keep what they found in earlier states.
+    log: Log,
 }
 
 /// An object of the scene whose visibility is to be decided.
@@ -92,9 +102,61 @@ pub(crate) struct TargetObject {
     pub(crate) first: u32,
     /// Exclusive end of the range of the object's triangles that begins at `first`.
     pub(crate) end: u32,
-    /// Whether the object has a coordinate that is not finite or beyond [`LIMIT`]. Such an object counts as
-    /// visible.
+    /// Exclusive end of the range of triangles that begins at `first` and that the object may fill: at least
+    /// `end`.
+    room_end: u32,
+    /// Whether the object has a coordinate that is not finite or beyond [`LIMIT`], or has been removed. Such
+    /// an object counts as visible.
     pub(crate) is_open: bool,
+    /// Whether the object has been removed from the scene.
+    pub(crate) is_removed: bool,
+}
+
+/// What the preparation keeps of a triangle.
+struct TriangleFacts {
+    corners: [Vec3; 3],
+    occludes: bool,
+    front: Option<Half>,
+    area: f32,
+}
+
+impl TriangleFacts {
+    fn new(object: &Object, triangle: [Vec3; 3]) -> Self {
+        // The sum turns -0 into 0, so that equal coordinates have equal bits.
+        let corners = triangle.map(|p| p + Vec3::ZERO);
+        let t64 = corners.map(Vec3::as_dvec3);
+        let normal = (t64[1] - t64[0]).cross(t64[2] - t64[0]);
+        // A one-sided triangle without area has no normal, and is treated as two-sided: it shows nothing
+        // anyway.
+        let front = || unit_normal(&t64).map(|n| Half { normal: n, offset: -n.dot(t64[0]) });
+        Self {
+            corners,
+            occludes: object.occluder && object.layers != 0 && normal != DVec3::ZERO,
+            front: if object.one_sided { front() } else { None },
+            area: (normal.length() * 0.5) as f32,
+        }
+    }
+}
+
+/// Returns whether an object has a coordinate that is not finite or beyond [`LIMIT`].
+fn is_out_of_range(object: &Object, triangles: Triangles<'_>) -> bool {
+    let usable = |p: Vec3| p.is_finite() && p.abs().max_element() <= LIMIT as f32;
+    let bounds = object.bounds;
+    triangles.iter().flatten().any(|p| !usable(p))
+        || (triangles.is_empty() && !(bounds.is_proper() && usable(bounds.min) && usable(bounds.max)))
+}
+
+/// Returns the box around an object's triangles, or the object's bounds if it has none.
+fn target_box(object: &Object, triangles: Triangles<'_>) -> [DVec3; 2] {
+    if triangles.is_empty() {
+        return [object.bounds.min, object.bounds.max].map(Vec3::as_dvec3);
+    }
+    let around = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (min, max) = triangles.iter().flatten().fold(around, |(min, max), p| {
+        let p = (p + Vec3::ZERO).as_dvec3();
+        (min.min(p), max.max(p))
+    });
+    [min, max]
 }
 
 /// A convex polygon joined from coplanar triangles.
@@ -106,6 +168,15 @@ pub(crate) struct Piece {
     pub(crate) positions: Box<[DVec3]>,
     /// Indices of the triangles that make up the polygon.
     pub(crate) triangles: Box<[u32]>,
+    /// Number of the state of the triangles in which the polygon was made, or in which its index got free.
+    made: u64,
+}
+
+impl Piece {
+    /// Returns a polygon of no triangles, in place of one that is not used.
+    fn empty(made: u64) -> Self {
+        Self { ring: Box::default(), positions: Box::default(), triangles: Box::default(), made }
+    }
 }
 
 /// Greatest number of corners of a [`Piece`], a convex polygon joined from triangles.
@@ -136,14 +207,18 @@ impl SceneTriangles {
             piece_of: Vec::new(),
             tree: TriangleTree::default(),
             magnitude: 0.0,
+            welding: None,
+            log: Log::default(),
         };
         for id in scene.ids() {
             all.add(scene, id);
         }
         all.weld();
         all.share_edges();
-        all.merge();
-        let occluders = (0..all.corners.len() as u32).filter(|&i| all.occludes[i as usize]).collect();
+        all.piece_of = vec![u32::MAX; all.corners.len()];
+        let occluders: Vec<u32> =
+            (0..all.corners.len() as u32).filter(|&i| all.occludes[i as usize]).collect();
+        all.merge(occluders.clone());
         let is_one_sided = |i: u32| all.fronts[i as usize].is_some();
         all.tree = TriangleTree::new(&all.corners, occluders, is_one_sided);
         all
@@ -153,43 +228,29 @@ impl SceneTriangles {
         let (Some((object, _)), Ok(triangles)) = (level_object(scene, id), scene.triangles(id)) else {
             return;
         };
-        let usable = |p: Vec3| p.is_finite() && p.abs().max_element() <= LIMIT as f32;
-        let bounds = object.bounds;
-        let is_open = triangles.iter().flatten().any(|p| !usable(p))
-            || (triangles.is_empty() && !(bounds.is_proper() && usable(bounds.min) && usable(bounds.max)));
+        let is_open = is_out_of_range(&object, triangles);
         let first = self.corners.len() as u32;
-        let (mut min, mut max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-        if !triangles.is_empty() {
-            (min, max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        }
+        let [min, max] = target_box(&object, triangles);
         for triangle in triangles.iter().filter(|_| !is_open) {
-            // The sum turns -0 into 0, so that equal coordinates have equal bits.
-            let t = triangle.map(|p| p + Vec3::ZERO);
-            let t64 = t.map(Vec3::as_dvec3);
-            let normal = (t64[1] - t64[0]).cross(t64[2] - t64[0]);
-            for p in t64 {
-                (min, max) = (min.min(p), max.max(p));
-                self.magnitude = self.magnitude.max(p.abs().max_element());
-            }
-            self.corners.push(t);
+            let facts = TriangleFacts::new(&object, triangle);
+            self.magnitude = greatest(self.magnitude, &facts.corners);
+            self.corners.push(facts.corners);
             self.object_of.push(self.objects.len() as u32);
-            self.occludes.push(object.occluder && object.layers != 0 && normal != DVec3::ZERO);
-            // A one-sided triangle without area has no normal, and is treated as two-sided: it shows nothing
-            // anyway.
-            let front = || unit_normal(&t64).map(|n| Half { normal: n, offset: -n.dot(t64[0]) });
-            self.fronts.push(if object.one_sided { front() } else { None });
-            self.areas.push((normal.length() * 0.5) as f32);
+            self.occludes.push(facts.occludes);
+            self.fronts.push(facts.front);
+            self.areas.push(facts.area);
         }
         let end = self.corners.len() as u32;
         if self.occludes[first as usize..].contains(&true) && !self.layers.contains(&object.layers) {
             self.layers.push(object.layers);
         }
-        self.objects.push(TargetObject { id, min, max, first, end, is_open });
+        let target = TargetObject { id, min, max, first, end, room_end: end, is_open, is_removed: false };
+        self.objects.push(target);
     }
 
     /// Gives equal numbers to vertices with equal coordinates.
     fn weld(&mut self) {
-        let bits = |i: u32| self.corners[i as usize / 3][i as usize % 3].to_array().map(f32::to_bits);
+        let bits = |i: u32| vertex_key(self.corners[i as usize / 3][i as usize % 3]);
         let mut order: Vec<([u32; 3], u32)> =
             (0..3 * self.corners.len() as u32).map(|i| (bits(i), i)).collect();
         order.sort_unstable();
@@ -206,11 +267,7 @@ impl SceneTriangles {
     /// edge.
     fn share_edges(&mut self) {
         // Edge k of triangle t has the index i = 3 t + k. The corner after k is (k + 1) % 3.
-        let key = |i: u32| {
-            let (t, k) = (self.vertices[i as usize / 3], i as usize % 3);
-            let (a, b) = (t[k], t[(k + 1) % 3]);
-            [a.min(b), a.max(b)]
-        };
+        let key = |i: u32| edge_key(self.vertices[i as usize / 3], i as usize % 3);
         let mut order: Vec<([u32; 2], u32)> =
             (0..3 * self.vertices.len() as u32).map(|i| (key(i), i)).collect();
         order.sort_unstable();
@@ -229,21 +286,28 @@ impl SceneTriangles {
         (self.edges, self.edge_starts, self.edge_triangles) = (edges, starts, triangles);
     }
 
-    /// Joins coplanar neighbours into convex polygons, starting with the largest triangles.
-    fn merge(&mut self) {
-        self.piece_of = vec![u32::MAX; self.corners.len()];
-        let mut order: Vec<u32> =
-            (0..self.corners.len() as u32).filter(|&i| self.occludes[i as usize]).collect();
+    /// Joins coplanar neighbours into convex polygons, starting with the largest triangles of `order`. All of
+    /// `order` occlude.
+    fn merge(&mut self, mut order: Vec<u32>) {
         order.sort_unstable_by(|&a, &b| self.area(b).total_cmp(&self.area(a)).then(a.cmp(&b)));
         for i in order {
             if self.piece_of[i as usize] == u32::MAX {
                 let piece = self.grow_piece(i);
+                let number = self.free_piece();
                 for &t in &piece.triangles {
-                    self.piece_of[t as usize] = self.pieces.len() as u32;
+                    self.piece_of[t as usize] = number;
                 }
-                self.pieces.push(piece);
+                self.pieces[number as usize] = piece;
             }
         }
+    }
+
+    /// Returns the index of an unused element of `pieces`.
+    fn free_piece(&mut self) -> u32 {
+        self.welding.as_mut().and_then(|welding| welding.free_pieces.pop()).unwrap_or_else(|| {
+            self.pieces.push(Piece::empty(self.log.serial));
+            self.pieces.len() as u32 - 1
+        })
     }
 
     fn grow_piece(&self, first: u32) -> Piece {
@@ -291,6 +355,7 @@ impl SceneTriangles {
             positions: ring.iter().map(|corner| corner.2).collect(),
             ring: ring.into_iter().map(|corner| corner.0).collect(),
             triangles: triangles.into(),
+            made: self.log.serial,
         }
     }
 
@@ -309,12 +374,17 @@ impl SceneTriangles {
     /// Returns the number of triangles, occluding or not. Triangles of objects with a coordinate that is not
     /// finite are not included.
     pub fn len(&self) -> usize {
+        self.objects.iter().map(|object| (object.end - object.first) as usize).sum()
+    }
+
+    /// Returns an exclusive upper bound on the indices of triangles.
+    pub(crate) fn index_limit(&self) -> usize {
         self.corners.len()
     }
 
     /// Returns whether there are no triangles.
     pub fn is_empty(&self) -> bool {
-        self.corners.is_empty()
+        self.len() == 0
     }
 
     /// Returns the number of triangles that occlude.
@@ -353,7 +423,8 @@ impl SceneTriangles {
     }
 
     pub(crate) fn edge_count(&self) -> usize {
-        self.edge_starts.len().saturating_sub(1)
+        let first = self.edge_starts.len().saturating_sub(1);
+        self.welding.as_ref().map_or(first, |welding| welding.edge_limit())
     }
 
     pub(crate) fn occludes(&self, i: u32) -> bool {
@@ -366,6 +437,9 @@ impl SceneTriangles {
 
     /// Returns the occluding triangles that have an edge.
     pub(crate) fn triangles_at(&self, edge: u32) -> &[u32] {
+        if let Some(list) = self.welding.as_ref().and_then(|welding| welding.triangles_at(edge)) {
+            return list;
+        }
         let edge = edge as usize;
         &self.edge_triangles[self.edge_starts[edge] as usize..self.edge_starts[edge + 1] as usize]
     }
@@ -386,7 +460,7 @@ impl SceneTriangles {
     /// Adds a polygon of triangles without checking that it is convex and occludes. Returns its index.
     #[cfg(test)]
     pub(crate) fn push_piece(&mut self, triangles: &[u32]) -> u32 {
-        let piece = Piece { ring: Box::default(), positions: Box::default(), triangles: triangles.into() };
+        let piece = Piece { triangles: triangles.into(), ..Piece::empty(0) };
         self.pieces.push(piece);
         self.pieces.len() as u32 - 1
     }
@@ -398,6 +472,11 @@ impl SceneTriangles {
     pub(crate) fn position_error(&self, magnitude: f64) -> f64 {
         128.0 * U * self.magnitude.max(magnitude)
     }
+}
+
+/// Returns the greater of `magnitude` and the greatest absolute coordinate of a triangle.
+fn greatest(magnitude: f64, corners: &[Vec3; 3]) -> f64 {
+    corners.iter().fold(magnitude, |most, p| most.max(p.abs().max_element().into()))
 }
 
 /// Returns the unit normal of a triangle, correct except for the last bits however thin the triangle is.

@@ -1,6 +1,7 @@
 //! Joining coplanar triangles into convex polygons.
 
 use super::*;
+use std::format;
 use visibility_core::{Aabb, Object};
 use visibility_testing::Random;
 
@@ -81,4 +82,176 @@ fn pieces_are_convex() {
         }
     }
     assert!(joined > 10, "{joined}");
+}
+
+/// Triangles of an object: a strip of a few squares in a plane x = const or y = const, at whole metres, so
+/// that objects share vertices and edges.
+fn strip(random: &mut Random) -> Vec<[Vec3; 3]> {
+    let (along, across) = if random.one_in(2) { (Vec3::Y, Vec3::Z) } else { (Vec3::X, Vec3::Z) };
+    let from = Vec3::from_array(core::array::from_fn(|_| random.between(0, 4) as f32));
+    let squares = (0..1 + random.below(3)).flat_map(|k| {
+        let a = from + along * k as f32;
+        let [b, c, d] = [a + along, a + along + across, a + across];
+        [[a, b, c], [a, c, d]]
+    });
+    squares.collect()
+}
+
+/// Gives an object other triangles, and bounds around them.
+fn reshape(scene: &mut Scene, id: ObjectId, triangles: Vec<[Vec3; 3]>) {
+    scene.set_bounds(id, Aabb::from_points(triangles.as_flattened().iter().copied())).unwrap();
+    scene.set_triangles(id, triangles).unwrap();
+}
+
+/// Returns each triangle that objects have now, as its object and its position in the object, with its index.
+fn present(all: &SceneTriangles) -> std::collections::BTreeMap<(usize, u32), u32> {
+    let objects = all.objects.iter().filter(|object| !object.is_removed);
+    objects.flat_map(|o| (o.first..o.end).map(|t| ((o.id.index(), t - o.first), t))).collect()
+}
+
+/// Triangles that follow the changes of a scene are, but for their indices, those of the present scene.
+#[test]
+fn synchronised_triangles_are_those_of_the_scene() {
+    let mut random = Random(21);
+    let mut greatest = (0, 0, 0, 0);
+    for round in 0..6 {
+        let mut scene = Scene::new();
+        let insert = |scene: &mut Scene, random: &mut Random| {
+            let triangles = strip(random);
+            let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
+            let object =
+                Object { occluder: !random.one_in(5), one_sided: random.one_in(5), ..Object::new(bounds) };
+            let id = scene.insert(object);
+            scene.set_triangles(id, triangles).unwrap();
+        };
+        (0..40).for_each(|_| insert(&mut scene, &mut random));
+        let mut all = SceneTriangles::new(&scene);
+        for step in 0..200 {
+            let ids: Vec<ObjectId> = scene.ids().collect();
+            let id = random.pick(&ids);
+            match random.below(6) {
+                0 | 1 if ids.len() > 20 => scene.remove(id).unwrap(),
+                2 => reshape(&mut scene, id, strip(&mut random)),
+                3 => scene.set_occluder(id, !scene.object(id).unwrap().occluder).unwrap(),
+                4 => scene.set_one_sided(id, !scene.object(id).unwrap().one_sided).unwrap(),
+                _ if ids.len() < 60 => insert(&mut scene, &mut random),
+                _ => {}
+            }
+            if random.one_in(3) {
+                continue;
+            }
+            all.sync(&scene);
+            let what = format!("round {round}, step {step}");
+            let fresh = SceneTriangles::new(&scene);
+            assert!(all.is_current(&scene) && all.len() == fresh.len(), "{what}: {} triangles", all.len());
+            assert_eq!(all.occluder_count(), fresh.occluder_count(), "{what}: occluding triangles");
+            let pair = (present(&all), present(&fresh));
+            assert!(pair.0.keys().eq(pair.1.keys()), "{what}: the same triangles");
+            let named = |of: &SceneTriangles, list: &[u32]| {
+                let key = |&t: &u32| {
+                    (of.objects[of.object_of(t)].id.index(), t - of.objects[of.object_of(t)].first)
+                };
+                let mut keys: Vec<(usize, u32)> = list.iter().map(key).collect();
+                keys.sort_unstable();
+                keys
+            };
+            let mut numbers = std::collections::BTreeMap::new();
+            for (&t, &f) in pair.0.values().zip(pair.1.values()) {
+                assert_eq!(all.corners(t), fresh.corners(f), "{what}: corners of {t}");
+                assert_eq!(
+                    (all.front(t), all.area(t)),
+                    (fresh.front(f), fresh.area(f)),
+                    "{what}: front of {t}"
+                );
+                assert_eq!(all.occludes(t), fresh.occludes(f), "{what}: whether {t} occludes");
+                for k in 0..3 {
+                    let [at, at_fresh] = [
+                        named(&all, all.triangles_at(all.edges(t)[k])),
+                        named(&fresh, fresh.triangles_at(fresh.edges(f)[k])),
+                    ];
+                    assert_eq!(at, at_fresh, "{what}: triangles at edge {k} of {t}");
+                    let known = numbers.entry(fresh.vertices(f)[k]).or_insert(all.vertices(t)[k]);
+                    assert_eq!(*known, all.vertices(t)[k], "{what}: vertex {k} of {t}");
+                    assert!((all.edges(t)[k] as usize) < all.edge_count(), "{what}: edge {k} of {t}");
+                }
+                if all.occludes(t) {
+                    let piece = all.piece(all.piece_of(t));
+                    let one = |&u: &u32| all.occludes(u) && all.piece_of(u) == all.piece_of(t);
+                    assert!(
+                        piece.triangles.contains(&t) && piece.triangles.iter().all(one),
+                        "{what}: piece of {t}"
+                    );
+                } else {
+                    assert_eq!(all.piece_of(t), u32::MAX, "{what}: piece of {t}");
+                }
+            }
+            let distinct: std::collections::BTreeSet<u32> = numbers.values().copied().collect();
+            assert_eq!(distinct.len(), numbers.len(), "{what}: different vertices have different numbers");
+            for _ in 0..20 {
+                let mut point = || DVec3::from_array(core::array::from_fn(|_| random.fine_range(-1.0, 8.0)));
+                let (p, q) = (point(), point());
+                let (mut hits, mut hits_fresh) = (vec![], vec![]);
+                let unsure = all.tree.crossed(p, q, u32::MAX, 1000, &mut hits);
+                assert_eq!(
+                    unsure,
+                    fresh.tree.crossed(p, q, u32::MAX, 1000, &mut hits_fresh),
+                    "{what}: {p} {q}"
+                );
+                assert_eq!(named(&all, &hits), named(&fresh, &hits_fresh), "{what}: crossed from {p} to {q}");
+                let [near, near_fresh] = [&all, &fresh].map(|of| of.tree.nearest(p, q - p).map(|hit| hit.0));
+                assert_eq!(near, near_fresh, "{what}: nearest from {p} towards {q}");
+            }
+            let sizes = (all.index_limit(), all.edge_count(), all.pieces.len(), all.objects.len());
+            greatest = (
+                greatest.0.max(sizes.0),
+                greatest.1.max(sizes.1),
+                greatest.2.max(sizes.2),
+                greatest.3.max(sizes.3),
+            );
+        }
+    }
+    // 60 objects of at most 6 triangles each. A place that is outgrown stays unused.
+    let (triangles, edges, pieces, objects) = greatest;
+    assert!(triangles <= 60 * 12 && edges <= 60 * 30 && pieces <= 60 * 6 && objects <= 61, "{greatest:?}");
+}
+
+/// Many moved objects are taken into the first tree, and a mover's memory is used again.
+#[test]
+fn many_changes_build_the_first_tree_anew() {
+    let mut random = Random(5);
+    let mut scene = Scene::new();
+    let mut ids = Vec::new();
+    for _ in 0..400 {
+        let triangles = strip(&mut random);
+        let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        scene.set_triangles(id, triangles).unwrap();
+        ids.push(id);
+    }
+    let mut all = SceneTriangles::new(&scene);
+    let (mut rebuilt, mut limits) = (0, Vec::new());
+    for step in 0..1200 {
+        let id = ids[step % ids.len()];
+        let shift = Vec3::from_array(core::array::from_fn(|_| random.range(-1.0, 1.0) as f32));
+        let moved: Vec<_> = scene.triangles(id).unwrap().iter().map(|t| t.map(|v| v + shift)).collect();
+        reshape(&mut scene, id, moved);
+        all.sync(&scene);
+        rebuilt += usize::from(all.welding.as_ref().is_some_and(|welding| welding.is_merged()));
+        limits.push((all.index_limit(), all.edge_count(), all.pieces.len()));
+    }
+    assert!((1..100).contains(&rebuilt), "{rebuilt} times the tree was built anew");
+    assert_eq!(limits[0].0, limits[1199].0, "indices of triangles are used again");
+    let [before, after] = [limits[799], limits[1199]];
+    assert!(after.1 <= before.1 + before.1 / 8 && after.2 <= before.2 + 50, "{before:?} {after:?}");
+    let fresh = SceneTriangles::new(&scene);
+    let mut hits = vec![];
+    for round in 0..500 {
+        let mut point = || DVec3::from_array(core::array::from_fn(|_| random.fine_range(-3.0, 10.0)));
+        let (p, q) = (point(), point());
+        let counts = [&all, &fresh].map(|of| {
+            let unsure = of.tree.crossed(p, q, u32::MAX, 1000, &mut hits);
+            (unsure, hits.len())
+        });
+        assert_eq!(counts[0], counts[1], "{round}: triangles crossed from {p} to {q}");
+    }
 }

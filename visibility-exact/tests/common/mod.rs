@@ -6,7 +6,7 @@ pub mod grid;
 use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{Aabb, Object, Scene};
-use visibility_exact::{ExactSettings, SceneTriangles, Verdict};
+use visibility_exact::{ExactSettings, SceneTriangles, Verdict, Witness};
 use visibility_testing::{distance, sign_of_sum};
 
 pub type Triangle = [Vec3; 3];
@@ -102,18 +102,23 @@ pub fn check(
     }
     for (id, verdict) in found.iter(triangles) {
         if let Verdict::Seen(witness) = verdict {
-            // Two segments are tested, since either may touch by rounding. The whole segment ends on the
-            // triangle up to rounding, and other triangles may lie in its plane. The shortened segment misses
-            // these, but is rounded off the line, perhaps onto edges that the whole segment passes closely.
-            let short = witness.from + (witness.to - witness.from) * (1.0 - 1e-12);
-            let others = objects.iter().enumerate().filter(|(o, _)| *o != id.index());
-            let clear = others.flat_map(|(_, t)| t).all(|t| {
-                [witness.to, short]
-                    .into_iter()
-                    .any(|to| distance(witness.from, to, t) > 1e-9 || misses_exactly(witness.from, to, t))
-            });
-            assert!(clear || witness.from == witness.to, "object {id}: {witness:?}");
+            assert!(is_clear(objects, id.index(), &witness), "object {id}: {witness:?}");
         }
     }
     proofs
+}
+
+/// Returns whether a line of sight misses the triangles of all objects but `target`, or has no length.
+pub fn is_clear(objects: &[Vec<Triangle>], target: usize, witness: &Witness) -> bool {
+    // Two segments are tested, since either may touch by rounding. The whole segment ends on the triangle up
+    // to rounding, and other triangles may lie in its plane. The shortened segment misses these, but is
+    // rounded off the line, perhaps onto edges that the whole segment passes closely.
+    let short = witness.from + (witness.to - witness.from) * (1.0 - 1e-12);
+    let others = objects.iter().enumerate().filter(|(o, _)| *o != target);
+    let clear = others.flat_map(|(_, t)| t).all(|t| {
+        [witness.to, short]
+            .into_iter()
+            .any(|to| distance(witness.from, to, t) > 1e-9 || misses_exactly(witness.from, to, t))
+    });
+    clear || witness.from == witness.to
 }

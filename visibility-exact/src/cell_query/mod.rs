@@ -5,6 +5,9 @@
 //! Culling", 2002: its query architecture, which samples first, tests groups before their members and ends
 //! early.
 
+mod prices;
+mod search_again;
+
 use crate::chain_scratch::ChainScratch;
 use crate::half::Half;
 use crate::polygon::Polygon;
@@ -16,19 +19,12 @@ use crate::sight::{CellBox, Target};
 use crate::triangles::SceneTriangles;
 use crate::verdict::{CellVerdicts, ProvenHidden, Verdict, Witness};
 use alloc::{vec, vec::Vec};
+use prices::Prices;
 use visibility_core::ObjectId;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::random::Random;
 
-/// Budget of the proof that the box around a group of objects is hidden, unless [`Prices`] allow more.
-///
-/// Groups get few search nodes and are not divided by occluder edges: a group that is not proven at once is
-/// halved, and proofs for its halves take less time. With 300 nodes and divisions, a city took twice as long
-/// for the same answer.
-const GROUP: Budget = Budget { nodes: 50, divided: 0, halvings: 0 };
-/// Budget of the proof that the box of a single object is hidden.
-const OBJECT: Budget = Budget { nodes: 1000, divided: 200, halvings: 12 };
 /// Budget of the search for a line of sight or a proof for one triangle of an object.
 const TRIANGLE: Budget = Budget { nodes: 1500, divided: 200, halvings: 12 };
 /// Number of search nodes after which no further triangle of an object gets a first look.
@@ -62,55 +58,6 @@ const PAST: u32 = 32;
 /// segments to its box that are unblocked).
 const SHARE: u32 = 2000;
 
-/// Costs of past searches in nodes. They decide whether a group is searched as thoroughly as a single object.
-///
-/// Among houses along streets most groups are hidden as a whole, which costs the nodes of a few objects. In a
-/// building of many rooms groups seldom are hidden, and the nodes are lost. A group may therefore cost a part
-/// of what its objects are likely to cost, as long as groups of about its size have saved more nodes than
-/// they have cost.
-#[derive(Default)]
-struct Prices {
-    /// Nodes spent on searches for single objects, and the number of these objects.
-    single: (u64, u64),
-    /// Nodes spent on thorough searches of groups, and the number of objects proven hidden by them. Indexed
-    /// by the binary logarithm of the group's size.
-    groups: [(u64, u64); 32],
-}
-
-impl Prices {
-    /// Returns an estimate of the nodes that `objects` objects cost if each is searched by itself: `objects`
-    /// times the mean of past searches for single objects.
-    fn singles(&self, objects: u64) -> u64 {
-        objects * self.single.0 / self.single.1.max(1)
-    }
-
-    fn budget(&self, count: usize) -> Budget {
-        if count == 1 {
-            return OBJECT;
-        }
-        let part = self.singles(count as u64) / 6;
-        let (spent, hidden) = self.groups[count.ilog2() as usize % 32];
-        if part > GROUP.nodes.into() && spent <= self.singles(hidden) / 3 + part {
-            Budget { nodes: part.min(OBJECT.nodes.into()) as u32, ..OBJECT }
-        } else {
-            GROUP
-        }
-    }
-
-    fn add(&mut self, count: usize, budget: Budget, used: u32, answer: Answer) {
-        if count == 1 {
-            if answer == Answer::Undecided {
-                return;
-            }
-            self.single = (self.single.0 + u64::from(used), self.single.1 + 1);
-        } else if budget.divided > 0 {
-            let (spent, hidden) = &mut self.groups[count.ilog2() as usize % 32];
-            *spent += u64::from(used);
-            *hidden += if answer == Answer::Hidden { count as u64 } else { 0 };
-        }
-    }
-}
-
 /// Query of the objects that one viewcell sees, in steps: rays, proofs for boxes, proofs for triangles. Each
 /// step works on the objects that its caller asks about and that are still [open](Verdict::Open).
 /// [`ExactCuller`](crate::ExactCuller) takes all steps for all objects; a bake with a budget chooses.
@@ -130,11 +77,11 @@ impl Prices {
 /// # Ok::<(), visibility_core::scene::SceneError>(())
 /// ```
 pub struct CellQuery<'a> {
-    search: Search<'a>,
+    pub(crate) search: Search<'a>,
     settings: ExactSettings,
     random: Random,
-    verdicts: Vec<Verdict>,
-    proofs: Vec<ProvenHidden>,
+    pub(crate) verdicts: Vec<Verdict>,
+    pub(crate) proofs: Vec<ProvenHidden>,
     proof_count: u64,
     rays: u64,
     refused: u64,
@@ -228,8 +175,8 @@ impl<'a> CellQuery<'a> {
 
     /// Returns the objects and the verdict on each, in ascending order of index.
     pub fn verdicts(&self) -> impl Iterator<Item = (ObjectId, Verdict)> {
-        let objects = &self.search.triangles.objects;
-        objects.iter().map(|object| object.id).zip(self.verdicts.iter().copied())
+        let verdicts = self.search.triangles.objects.iter().zip(self.verdicts.iter().copied());
+        verdicts.filter(|(object, _)| !object.is_removed).map(|(object, verdict)| (object.id, verdict))
     }
 
     /// Returns the work done so far: the number of rays plus the number of nodes of the search for proofs.
@@ -283,7 +230,7 @@ impl<'a> CellQuery<'a> {
         open.retain(|&o| !self.find_inside(o as usize));
         if !open.is_empty() {
             self.uniform_rays();
-            self.aimed_rays(&open);
+            self.aimed_rays(&open, self.settings.aimed_rays);
         }
         open
     }
@@ -366,14 +313,15 @@ impl<'a> CellQuery<'a> {
         is_clear
     }
 
-    fn aimed_rays(&mut self, open: &[u32]) {
+    /// Casts up to `rays` rays at each of the objects `open`, until one sees it.
+    fn aimed_rays(&mut self, open: &[u32], rays: u32) {
         for &object in open {
             if self.search.must_stop() {
                 return;
             }
             let entry = &self.search.triangles.objects[object as usize];
             let (first, count) = (entry.first, (entry.end - entry.first) as usize);
-            for _ in 0..self.settings.aimed_rays {
+            for _ in 0..rays {
                 if count == 0 || !self.is_open(object) {
                     break;
                 }
@@ -498,7 +446,13 @@ impl<'a> CellQuery<'a> {
     /// hidden only if the proof passes its check, which shares no code with the search. A refused proof is
     /// counted, and leaves the target undecided.
     fn solve(&mut self, target: Target, budget: Budget) -> (Answer, u32) {
-        let (mut answer, used) = self.search.solve_target(target, budget);
+        let (answer, used) = self.search.solve_target(target, budget);
+        (self.checked(target, answer), used)
+    }
+
+    /// Checks the proof that the last search, for `target`, has ended with, if its answer is hidden. Returns
+    /// the answer, or undecided after a refused proof.
+    fn checked(&mut self, target: Target, mut answer: Answer) -> Answer {
         if answer == Answer::Hidden {
             let proof = self.proof(target);
             match proof.check(self.search.triangles) {
@@ -510,7 +464,7 @@ impl<'a> CellQuery<'a> {
             }
             self.search.steps = proof.steps;
         }
-        (answer, used)
+        answer
     }
 
     /// Marks the objects of `group` as hidden. `targets` must be the one target of the last search, whose

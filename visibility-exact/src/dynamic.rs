@@ -1,0 +1,421 @@
+//! Verdicts on the objects of a scene from one viewcell that follow the scene's changes: occluders that are
+//! taken away, that are put up, and objects that move.
+//!
+//! A line of sight stays clear until an occluder is put up across it. A proof stays true until an occluder
+//! that it names is taken away or moves. So a change leaves all other verdicts as they are, and of a proof
+//! that has lost an occluder only the nodes that named it are searched again.
+//!
+//! The question is that of Frédo Durand, "3D Visibility: Analytical Study and Applications", 1999, chapter
+//! "Dynamic scenes": to identify the calculations which actually need to be performed after the movement of
+//! objects.
+
+use crate::cell_query::CellQuery;
+use crate::proof::{Proof, Step};
+use crate::settings::{Effort, ExactSettings};
+use crate::sight::CellBox;
+use crate::triangles::SceneTriangles;
+use crate::verdict::{Verdict, Witness};
+use alloc::collections::BTreeMap;
+use alloc::{boxed::Box, vec, vec::Vec};
+use visibility_core::ObjectId;
+use visibility_core::glam::DVec3;
+use visibility_core::pvs::Viewcell;
+use visibility_core::stamp::Stamp;
+
+/// Number of rays that are cast through the place of each occluder that is gone, if proofs rested on it.
+const THROUGH: u32 = 64;
+/// Number of rays aimed at each object whose proof has fallen, before it is searched. Most of these objects
+/// are still hidden, by other occluders.
+const FALLEN_RAYS: u32 = 8;
+
+/// Objects that were proven hidden together.
+#[derive(Clone, Debug)]
+struct HiddenSet {
+    /// Positions of the objects in the list of objects.
+    objects: Vec<u32>,
+    /// Proofs that together cover all parts of the objects.
+    proofs: Vec<Proof>,
+    /// Positions of the objects whose triangles the proofs name, ascending.
+    occluders: Box<[u32]>,
+}
+
+impl HiddenSet {
+    fn new(objects: Vec<u32>, proofs: Vec<Proof>, triangles: &SceneTriangles) -> Self {
+        let mut occluders = Vec::new();
+        proofs.iter().for_each(|proof| proof.occluders(triangles, |place| occluders.push(place)));
+        occluders.sort_unstable();
+        occluders.dedup();
+        Self { objects, proofs, occluders: occluders.into() }
+    }
+}
+
+/// Work of one [`DynamicCell::update`].
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+#[non_exhaustive]
+pub struct UpdateStats {
+    /// Number of objects that changed since the last update. 0 if all verdicts were found anew.
+    pub changed: usize,
+    /// Number of hidden objects whose proof named a changed occluder.
+    pub unproven: usize,
+    /// Number of these objects that are hidden by a mended proof.
+    pub mended: usize,
+    /// Number of seen objects whose line of sight a changed occluder blocks.
+    pub blocked: usize,
+    /// Number of objects that were searched anew: those without a mended proof, those whose line of sight was
+    /// blocked, the changed objects, and open objects before which an occluder was put up.
+    pub searched: usize,
+    /// Number of objects left for the next update, since the stop function returned true. They are open.
+    pub pending: usize,
+    /// Number of rays plus the number of nodes of the search for proofs.
+    pub steps: u64,
+}
+
+/// The verdicts from one viewcell, kept up to date with a scene in which occluders move.
+///
+/// After a change of the scene, [`SceneTriangles::sync`] takes it in once, and [`update`](Self::update) of
+/// each viewcell decides again only what the change can have altered. The verdicts then bound the visible
+/// objects as those of a new query do, with the same promise: *seen* has a clear line of sight in the present
+/// scene, *hidden* has a proof in the present scene, and open counts as visible. Where both decide an object,
+/// they agree, but for objects that are seen only through gaps narrower than six clearances, which either
+/// query may see or hide. Without a clearance they always agree. Which objects are left open can differ,
+/// since a search ends after a number of nodes, and depends on the searches before it. Occluders count on
+/// whatever layers they are.
+///
+/// Memory is mostly that of the proofs. [`Effort::Rays`] and [`Effort::Share`] have no proofs: settings made
+/// of them count as [`Effort::Exact`] with their clearance.
+///
+/// ```
+/// use visibility_core::{glam::{DVec3, Vec3}, pvs::Viewcell, Aabb, Object, Scene};
+/// use visibility_exact::{DynamicCell, Effort, ExactSettings, SceneTriangles};
+/// // A door, and a plate behind it.
+/// let square = |x: f32, r: f32| {
+///     let [a, b, c, d] = [(-r, -r), (r, -r), (r, r), (-r, r)].map(|(y, z)| Vec3::new(x, y, z));
+///     [[a, b, c], [a, c, d]]
+/// };
+/// let mut scene = Scene::new();
+/// for triangles in [square(5.0, 10.0), square(9.0, 1.0)] {
+///     let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
+///     let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+///     scene.set_triangles(id, triangles)?;
+/// }
+/// let mut triangles = SceneTriangles::new(&scene);
+/// let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+/// let mut found = DynamicCell::new(cell, ExactSettings::new(Effort::Exact(1e-4)));
+/// found.update(&triangles, &|| false);
+/// assert_eq!(found.counts(), [1, 1, 0]);
+/// // The door is taken away, and the plate is seen.
+/// scene.remove(scene.id_at(0).unwrap())?;
+/// triangles.sync(&scene);
+/// found.update(&triangles, &|| false);
+/// assert_eq!(found.counts(), [1, 0, 0]);
+/// # Ok::<(), visibility_core::scene::SceneError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct DynamicCell {
+    cell: Viewcell,
+    settings: ExactSettings,
+    /// State of the triangles that the verdicts are of.
+    stamp: Stamp,
+    /// Number of that state.
+    serial: u64,
+    /// Verdict on each object, in the order of the list of objects. `None` for removed objects.
+    verdicts: Vec<Option<(ObjectId, Verdict)>>,
+    hidden: Vec<HiddenSet>,
+    /// Positions of open objects that are still to be searched.
+    pending: Vec<u32>,
+}
+
+impl DynamicCell {
+    /// Makes a value without verdicts for a viewcell. The first [`update`](Self::update) finds them all.
+    pub fn new(cell: Viewcell, settings: ExactSettings) -> Self {
+        let exact = ExactSettings::new(Effort::Exact(settings.clearance()));
+        let settings = exact.with_rays(settings.rays).with_aimed_rays(settings.aimed_rays).with_kept_proofs();
+        Self {
+            cell,
+            settings,
+            stamp: Stamp::NONE,
+            serial: 0,
+            verdicts: Vec::new(),
+            hidden: Vec::new(),
+            pending: Vec::new(),
+        }
+    }
+
+    /// Brings the verdicts up to date with `triangles`, and goes on with objects that the last update left.
+    /// The search ends once `stop` returns true; what is undecided by then is open, and left for the next
+    /// update. The verdicts are right then too.
+    ///
+    /// All verdicts are found anew in the first update, for other triangles than those of the last update,
+    /// after [`sync`](SceneTriangles::sync) has collected all triangles anew, and after more than 1,024
+    /// changes, or a quarter of the objects. A viewcell that is empty, not finite or beyond 1e30 metres from
+    /// the scene's origin leaves all objects open.
+    pub fn update(&mut self, triangles: &SceneTriangles, stop: &dyn Fn() -> bool) -> UpdateStats {
+        let Some(cell) = CellBox::new(&self.cell, triangles.origin) else {
+            self.stamp = Stamp::NONE;
+            self.keep(triangles, vec![Verdict::Open; triangles.objects.len()]);
+            return UpdateStats::default();
+        };
+        let query = CellQuery::with_scratch(triangles, cell, self.settings, None).with_stop(stop);
+        let changes = triangles.changes_since(self.stamp).map(|changes| {
+            // For each changed object, the box around the places where it occluded before.
+            let mut changed: BTreeMap<u32, [DVec3; 2]> = BTreeMap::new();
+            for change in changes {
+                let [min, max] = change.was;
+                let was = changed.entry(change.place).or_insert(change.was);
+                *was = [was[0].min(min), was[1].max(max)];
+            }
+            changed
+        });
+        self.stamp = triangles.stamp();
+        let stats = match changes {
+            Some(changed) => self.follow(query, triangles, &changed),
+            None => self.start(query, triangles),
+        };
+        self.serial = triangles.serial();
+        stats
+    }
+
+    /// Finds all verdicts.
+    fn start(&mut self, query: CellQuery<'_>, triangles: &SceneTriangles) -> UpdateStats {
+        let (found, _) = query.run(&|_| true);
+        let sets = found.proofs.into_iter();
+        self.hidden = sets.map(|set| HiddenSet::new(set.objects.into(), set.proofs, triangles)).collect();
+        self.pending.clear();
+        if !found.is_decided {
+            let open = (0..).zip(&found.verdicts).filter(|(_, verdict)| **verdict == Verdict::Open);
+            self.pending.extend(open.map(|(place, _)| place));
+        }
+        let steps = found.rays + found.nodes;
+        let (searched, pending) = (found.verdicts.len(), self.pending.len());
+        self.keep(triangles, found.verdicts);
+        UpdateStats { searched, pending, steps, ..Default::default() }
+    }
+
+    /// Stores verdicts, in the order of the list of objects.
+    fn keep(&mut self, triangles: &SceneTriangles, verdicts: Vec<Verdict>) {
+        let verdicts = triangles.objects.iter().zip(verdicts);
+        let present = verdicts.map(|(object, verdict)| (!object.is_removed).then_some((object.id, verdict)));
+        self.verdicts = present.collect();
+    }
+
+    /// Brings the verdicts up to date after a change of some objects, each with the box around the places
+    /// where it occluded before.
+    fn follow(
+        &mut self,
+        mut query: CellQuery<'_>,
+        triangles: &SceneTriangles,
+        changed: &BTreeMap<u32, [DVec3; 2]>,
+    ) -> UpdateStats {
+        let mut stats = UpdateStats { changed: changed.len(), ..Default::default() };
+        for (verdict, kept) in query.verdicts.iter_mut().zip(&self.verdicts) {
+            *verdict = kept.map_or(Verdict::Open, |(_, verdict)| verdict);
+        }
+        // First, all that the change can have made wrong becomes open, however little time is left.
+        let mut open = core::mem::take(&mut self.pending);
+        let reopened = reopened(&query, triangles, changed);
+        for &place in changed.keys() {
+            query.verdicts[place as usize] = Verdict::Open;
+            open.push(place);
+        }
+        let fallen = self.take_fallen(changed);
+        for &place in fallen.iter().flat_map(|set| &set.objects) {
+            query.verdicts[place as usize] = Verdict::Open;
+            stats.unproven += 1;
+        }
+        let blocked = blocked(&query.verdicts, triangles, changed);
+        for &place in &blocked {
+            query.verdicts[place as usize] = Verdict::Open;
+        }
+        stats.blocked = blocked.len();
+        open.extend(blocked);
+        open.sort_unstable();
+        open.dedup();
+        // Then, the open objects are searched.
+        if !fallen.is_empty() {
+            let gaps = changed.values().filter(|was| was[0].cmple(was[1]).all());
+            gaps.for_each(|was| query.look_through(*was, THROUGH));
+        }
+        let mut unproven = Vec::new();
+        for set in fallen {
+            match self.mended(&mut query, triangles, &set, changed) {
+                Some(proofs) => {
+                    stats.mended += set.objects.len();
+                    set.objects.iter().for_each(|&place| query.verdicts[place as usize] = Verdict::Hidden);
+                    self.hidden.push(HiddenSet::new(set.objects, proofs, triangles));
+                }
+                None => unproven.extend(set.objects),
+            }
+        }
+        stats.searched = open.len() + unproven.len() + reopened.len();
+        query.search_again(&open, self.settings.aimed_rays);
+        query.search_again(&unproven, FALLEN_RAYS);
+        query.try_boxes(&reopened);
+        if query.is_stopped() {
+            self.pending = open;
+            self.pending.extend(unproven);
+            self.pending.retain(|&place| query.verdicts[place as usize] == Verdict::Open);
+            stats.pending = self.pending.len();
+        }
+        stats.steps = query.steps();
+        let CellQuery { verdicts, proofs, .. } = query;
+        let sets = proofs.into_iter();
+        self.hidden.extend(sets.map(|set| HiddenSet::new(set.objects.into(), set.proofs, triangles)));
+        self.keep(triangles, verdicts);
+        stats
+    }
+
+    /// Removes changed objects from the sets of hidden objects, and returns the sets whose proofs name a
+    /// changed object.
+    fn take_fallen(&mut self, changed: &BTreeMap<u32, [DVec3; 2]>) -> Vec<HiddenSet> {
+        for set in &mut self.hidden {
+            set.objects.retain(|place| !changed.contains_key(place));
+        }
+        self.hidden.retain(|set| !set.objects.is_empty());
+        let names =
+            |set: &mut HiddenSet| changed.keys().any(|place| set.occluders.binary_search(place).is_ok());
+        self.hidden.extract_if(.., names).collect()
+    }
+
+    /// Returns proofs that all objects of `set` are hidden: those of the set, in which nodes that named a
+    /// changed object are searched again. `None` if an object of the set is seen, or if a node is undecided.
+    fn mended(
+        &self,
+        query: &mut CellQuery<'_>,
+        triangles: &SceneTriangles,
+        set: &HiddenSet,
+        changed: &BTreeMap<u32, [DVec3; 2]>,
+    ) -> Option<Vec<Proof>> {
+        let mut proofs = Vec::with_capacity(set.proofs.len());
+        for proof in &set.proofs {
+            if set.objects.iter().any(|&place| query.verdicts[place as usize] != Verdict::Open) {
+                return None;
+            }
+            let is_changed = |t: &u32| changed.contains_key(&(triangles.object_of(*t) as u32));
+            let fallen = proof.steps.iter().map(|step| match step {
+                Step::Loop { piece, .. } => triangles.is_piece_newer(*piece, self.serial),
+                step => step.triangles(triangles).iter().any(is_changed),
+            });
+            let fallen: Vec<bool> = fallen.collect();
+            proofs.push(query.mend(proof, &fallen, set.objects.len())?);
+        }
+        Some(proofs)
+    }
+
+    /// Returns the viewcell.
+    pub fn viewcell(&self) -> &Viewcell {
+        &self.cell
+    }
+
+    /// Returns the objects with their verdicts, in the order of the [`SceneTriangles`] of the last update.
+    /// Empty before the first update.
+    pub fn iter(&self) -> impl Iterator<Item = (ObjectId, Verdict)> {
+        self.verdicts.iter().flatten().copied()
+    }
+
+    /// Returns the objects that may be visible, seen or open: the row of the viewcell in a baked set.
+    pub fn reported(&self) -> impl Iterator<Item = ObjectId> {
+        self.iter().filter(|(_, verdict)| *verdict != Verdict::Hidden).map(|(id, _)| id)
+    }
+
+    /// Returns the numbers of objects seen, hidden and open.
+    pub fn counts(&self) -> [usize; 3] {
+        let mut counts = [0; 3];
+        for (_, verdict) in self.iter() {
+            counts[match verdict {
+                Verdict::Seen(_) => 0,
+                Verdict::Hidden | Verdict::Hardly(_) => 1,
+                Verdict::Open => 2,
+            }] += 1;
+        }
+        counts
+    }
+
+    /// Returns the proofs of the hidden objects, for [`Proof::check`].
+    pub fn proofs(&self) -> impl Iterator<Item = &Proof> {
+        self.hidden.iter().flat_map(|set| &set.proofs)
+    }
+
+    /// Returns the size of the value in bytes.
+    pub fn memory(&self) -> usize {
+        let proofs: usize = self.proofs().map(Proof::memory).sum();
+        let sets = self.hidden.iter().map(|set| 4 * (set.objects.len() + set.occluders.len()));
+        proofs + sets.sum::<usize>() + size_of_val(&self.verdicts[..]) + size_of_val(&self.hidden[..])
+    }
+}
+
+/// Returns the open objects that a change may have hidden: a segment from the viewcell to the object's box
+/// passes an occluder that was put up. Where occluders are only taken away, open objects stay open, which
+/// counts as visible.
+fn reopened(
+    query: &CellQuery<'_>,
+    triangles: &SceneTriangles,
+    changed: &BTreeMap<u32, [DVec3; 2]>,
+) -> Vec<u32> {
+    let cell = query.search.cell;
+    let put_up = changed.keys().map(|&place| &triangles.objects[place as usize]);
+    let put_up: Vec<[DVec3; 2]> = put_up
+        .filter(|object| (object.first..object.end).any(|t| triangles.occludes(t)))
+        .map(|object| [object.min, object.max])
+        .collect();
+    let is_passed = |place: &u32| {
+        let object = &triangles.objects[*place as usize];
+        let to = [object.min, object.max];
+        !changed.contains_key(place) && put_up.iter().any(|at| meets([cell.min, cell.max], to, *at))
+    };
+    let open = (0..).zip(&query.verdicts).filter(|(_, verdict)| **verdict == Verdict::Open);
+    open.map(|(place, _)| place).filter(is_passed).collect()
+}
+
+/// Returns the seen objects whose line of sight may meet an occluder that has changed. Such a line is tested
+/// against all occluders.
+fn blocked(
+    verdicts: &[Verdict],
+    triangles: &SceneTriangles,
+    changed: &BTreeMap<u32, [DVec3; 2]>,
+) -> Vec<u32> {
+    let mut hits = Vec::new();
+    let boxes = changed.keys().map(|&place| &triangles.objects[place as usize]);
+    let boxes: Vec<[DVec3; 2]> =
+        boxes.filter(|object| !object.is_open).map(|object| [object.min, object.max]).collect();
+    let mut blocked = Vec::new();
+    for (place, verdict) in (0..).zip(verdicts) {
+        let Verdict::Seen(Witness { from, to, triangle }) = *verdict else { continue };
+        // An object that reaches into the viewcell is seen whatever stands around it.
+        if from != to
+            && boxes.iter().any(|at| meets([from; 2], [to; 2], *at))
+            && (triangles.tree.crossed(from, to, triangle, 1, &mut hits) || !hits.is_empty())
+        {
+            blocked.push(place);
+        }
+    }
+    blocked
+}
+
+/// Returns whether a segment from the box `from` to the box `to` meets the box `at`, or passes it by less
+/// than rounding. Each box is its least and its greatest corner.
+///
+/// The points at a part s of the segments, from 0 to 1, fill the box between the two. It meets `at` if six
+/// linear functions of s are not negative, which leaves a range of s. A value is wrong by 4 roundings of its
+/// terms, and 1e-9 of the greatest coordinate is a million times that.
+fn meets(from: [DVec3; 2], to: [DVec3; 2], at: [DVec3; 2]) -> bool {
+    let size = [from, to, at].as_flattened().iter().map(|x| x.abs().max_element()).fold(0.0, f64::max);
+    let slack = size * 1e-9;
+    let (mut least, mut greatest) = (0.0f64, 1.0f64);
+    for k in 0..3 {
+        // Values at s = 0 and at s = 1.
+        for (a, b) in [
+            (at[1][k] - from[0][k] + slack, at[1][k] - to[0][k] + slack),
+            (from[1][k] - at[0][k] + slack, to[1][k] - at[0][k] + slack),
+        ] {
+            if a < 0.0 && b < 0.0 {
+                return false;
+            }
+            if a < 0.0 {
+                least = least.max(a / (a - b));
+            } else if b < 0.0 {
+                greatest = greatest.min(a / (a - b));
+            }
+        }
+    }
+    least <= greatest + 1e-9
+}
