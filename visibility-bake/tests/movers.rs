@@ -43,7 +43,7 @@ fn movers_are_drawn_where_their_volume_is_visible() {
     let settings = SandwichSettings::default().with_gap(0.0).with_rays(4);
     let found = Bake::new(SandwichBaker::new(&scene, &cells, settings)).run();
     let rows: Vec<_> = found.cells.iter().map(|cell| cell.reported()).collect();
-    let file = BakedSet::new(&scene, cells.clone(), &rows).unwrap().to_bytes();
+    let file = BakedSet::from_rows(&scene, cells.clone(), &rows).unwrap().to_bytes();
 
     let sets = BakedSet::from_bytes(&file).unwrap().for_scene(&scene).unwrap();
     let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(PvsCuller::new(Arc::new(sets)));

@@ -588,7 +588,7 @@ fn some_are_put_first_and_none_is_lost() {
 #[test]
 fn occluders_of_a_set_are_those_that_can_occlude() {
     let mut scene = Scene::new();
-    let flagged = |i: usize| Object { occluder: i % 2 == 0, ..Object::new(at(i as f32, 0.0, 0.0)) };
+    let flagged = |i: usize| Object { occluder: i.is_multiple_of(2), ..Object::new(at(i as f32, 0.0, 0.0)) };
     let ids = scene.insert_batch((0..200).map(flagged));
     scene.set_never_cull(ids[4], true).unwrap();
     let range = |margin: f32| DrawRange { end: 100.0, margin, ..DrawRange::ALWAYS };

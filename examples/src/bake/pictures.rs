@@ -171,7 +171,7 @@ fn legend(canvas: &mut Canvas, map: &Map, title: &str, entries: &[(Color, &str)]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bake::{Run, run};
+    use crate::bake::{Degrees, Run, run};
     use std::time::Duration;
 
     #[test]

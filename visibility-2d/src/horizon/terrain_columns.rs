@@ -376,9 +376,9 @@ mod tests {
             eye: f64,
         ) -> Self {
             let [along, across] = [SQUARES[0], SQUARES[1]];
-            let (columns, rows) = if face % 2 == 0 { (along, across) } else { (across, along) };
+            let (columns, rows) = if face.is_multiple_of(2) { (along, across) } else { (across, along) };
             let square = |x: usize, y: usize| {
-                let place = if face % 2 == 0 { x } else { y };
+                let place = if face.is_multiple_of(2) { x } else { y };
                 let place = if face < 2 { place } else { along - 1 - place };
                 let [low, high] = heights[place].unwrap_or([0.0; 2]);
                 Square { low, high, owners: if heights[place].is_some() { 0 } else { BROKEN } }
@@ -392,7 +392,7 @@ mod tests {
             let ahead = [DVec3::X, DVec3::Y, -DVec3::X, -DVec3::Y][face];
             let near = if face < 2 { -begin } else { begin + side * along as f64 };
             let middle = 0.5 * side * across as f64;
-            let [x, y] = if face % 2 == 0 { [near, middle] } else { [middle, near] };
+            let [x, y] = if face.is_multiple_of(2) { [near, middle] } else { [middle, near] };
             let at = DVec3::new(sheet.corner[0] + x, sheet.corner[1] + y, eye);
             let frame = frame(at, ahead, 1e-3 * side);
             Self { face, side, begin, sheet, frame }
