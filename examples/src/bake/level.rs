@@ -171,8 +171,8 @@ impl Level {
     ///
     /// # Errors
     ///
-    /// Returns a message if the sets are too large to be stored, or not of this level, if degrees are asked for
-    /// and the level is in a file, or if there is no memory for the pictures of the samples.
+    /// Returns a message if the sets are too large to be stored, or not of this level, if degrees are asked
+    /// for and the level is in a file, or if there is no memory for the pictures of the samples.
     pub fn set(
         &self,
         source: BakeSource,

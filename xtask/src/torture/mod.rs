@@ -1,20 +1,21 @@
 //! Trials without end: the tests that say how many answers they judge run again and again, each time with
 //! other random numbers, until a number of trials or of hours is reached.
 //!
-//! A test is a trial if it calls `visibility_testing::judged`. Its programs are compiled with optimization, and
-//! with the checks for overflow and the assertions of debug builds.
+//! A test is a trial if it calls `visibility_testing::judged`. Its programs are compiled with optimization,
+//! and with the checks for overflow and the assertions of debug builds.
 
 mod planted;
 mod state;
+mod trial;
 
 use crate::crates::{crates, rust_files};
-use crate::test_programs::{TestProgram, test_names, test_programs};
+use crate::test_programs::{test_names, test_programs};
 use state::{Record, State};
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::process::{Command, Stdio};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
+use trial::{Trial, run};
 
 /// Seeds with which a test may fail before it is left alone.
 const MOST_FAILURES: usize = 3;
@@ -53,21 +54,6 @@ fn options(arguments: &[String]) -> Result<Options, String> {
         }
     }
     Ok(options)
-}
-
-/// A test that judges answers.
-#[derive(Clone, Debug)]
-struct Trial {
-    program: TestProgram,
-    /// Name of the test within its program.
-    test: String,
-}
-
-impl Trial {
-    /// Returns the name of the test after that of its crate.
-    fn name(&self) -> String {
-        format!("{} {}", self.program.package, self.test)
-    }
 }
 
 /// Runs trials as the arguments say, prints their numbers by crate, and returns the number of tests that
@@ -176,20 +162,4 @@ fn next<'a>(
     let trial = trials.iter().filter(wanted).min_by(|a, b| time(a).total_cmp(&time(b)))?;
     running.insert(trial.name());
     Some((trial, state.get(&trial.name()).map_or(0, |record| record.seeds)))
-}
-
-/// Runs a test with a seed and variables of the environment. Returns what it has judged, or `None` if it
-/// fails.
-fn run(trial: &Trial, seed: u64, variables: &[(&str, String)]) -> Option<u64> {
-    let output = Command::new(&trial.program.path)
-        .args(["--exact", &trial.test, "--nocapture", "--test-threads=1"])
-        .env("TRIAL_SEED", seed.to_string())
-        .envs(variables.iter().map(|(name, value)| (name, value)))
-        .current_dir(&trial.program.folder)
-        .stderr(Stdio::null())
-        .output()
-        .ok()?;
-    let text = String::from_utf8_lossy(&output.stdout);
-    let counts = text.lines().filter_map(|line| line.split_once("judged: ")?.1.trim().parse::<u64>().ok());
-    output.status.success().then(|| counts.sum())
 }

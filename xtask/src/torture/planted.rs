@@ -1,19 +1,19 @@
 //! Faults that are planted on purpose, and the number of trials until a test notices each.
 
-use super::{Trial, run};
+use super::trial::{Trial, run};
 use crate::mutants::schemata::{Mutant, Tree};
 use crate::test_programs::TestProgram;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Faults, one on a line: test with the crate's name before it, file, function, expression, and what stands in
-/// its place, divided by ` | `.
+/// Faults, one on a line: test with the crate's name before it, file, function, expression, and what stands
+/// in its place, divided by ` | `.
 const FAULTS: &str = "xtask/faults.txt";
 /// Seeds with which a test runs before a fault counts as not noticed.
 const SEEDS: u64 = 20;
 
-/// Plants each fault of [`FAULTS`] that has `only` in its line, prints how many trials its test needs to fail,
-/// and returns the number of faults that no trial noticed.
+/// Plants each fault of [`FAULTS`] that has `only` in its line, prints how many trials its test needs to
+/// fail, and returns the number of faults that no trial noticed.
 pub(super) fn check(root: &Path, only: &str) -> Result<usize, String> {
     let path = root.join(FAULTS);
     let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
