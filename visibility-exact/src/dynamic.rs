@@ -152,6 +152,7 @@ impl DynamicCell {
     pub fn update(&mut self, triangles: &SceneTriangles, stop: &dyn Fn() -> bool) -> UpdateStats {
         let Some(cell) = CellBox::new(&self.cell, triangles.origin) else {
             self.stamp = Stamp::NONE;
+            (self.hidden, self.pending) = (Vec::new(), Vec::new());
             self.keep(triangles, vec![Verdict::Open; triangles.objects.len()]);
             return UpdateStats::default();
         };
@@ -312,7 +313,9 @@ impl DynamicCell {
         self.verdicts.iter().flatten().copied()
     }
 
-    /// Returns the objects that may be visible, seen or open: the row of the viewcell in a baked set.
+    /// Returns the objects that may be visible, seen or open: the row of the viewcell in a baked set. The row
+    /// is of the last update. Nothing is reported before the first, and nothing that was inserted since: such
+    /// objects count as visible.
     pub fn reported(&self) -> impl Iterator<Item = ObjectId> {
         self.iter().filter(|(_, verdict)| *verdict != Verdict::Hidden).map(|(id, _)| id)
     }
@@ -330,7 +333,9 @@ impl DynamicCell {
         counts
     }
 
-    /// Returns the proofs of the hidden objects, for [`Proof::check`].
+    /// Returns the proofs of the hidden objects, for [`Proof::check`]. A proof that was made before an object
+    /// came far beyond all others holds still, but its check then allows for the errors of positions that far
+    /// away, and may refuse it.
     pub fn proofs(&self) -> impl Iterator<Item = &Proof> {
         self.hidden.iter().flat_map(|set| &set.proofs)
     }

@@ -6,6 +6,7 @@ mod absent_occluders;
 mod common;
 mod coplanar;
 mod dynamic;
+mod dynamic_changes;
 mod game_maps;
 mod grid_worlds;
 mod groups;

@@ -173,7 +173,8 @@ impl<'a> CellQuery<'a> {
         self.triangles(&open, true);
     }
 
-    /// Returns the objects and the verdict on each, in ascending order of index.
+    /// Returns the objects and the verdict on each: in ascending order of index, until a
+    /// [`sync`](SceneTriangles::sync) has added objects.
     pub fn verdicts(&self) -> impl Iterator<Item = (ObjectId, Verdict)> {
         let verdicts = self.search.triangles.objects.iter().zip(self.verdicts.iter().copied());
         verdicts.filter(|(object, _)| !object.is_removed).map(|(object, verdict)| (object.id, verdict))

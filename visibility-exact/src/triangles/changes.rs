@@ -26,7 +26,8 @@ impl SceneTriangles {
     /// With n the number of triangles of all objects that have changed since the triangles were collected,
     /// at most about a quarter of all, and m the number of all: time is O(n log n), plus O(log m) for each
     /// triangle that changes. The first call after a change takes O(m) once. Memory is reused while an object
-    /// has no more triangles than it ever had.
+    /// has no more triangles than it ever had. An object that has more gets room for at least twice as many as
+    /// before.
     pub fn sync(&mut self, scene: &Scene) -> bool {
         let mut cursor = self.cursor;
         let changed: BTreeSet<usize> = match cursor.follow(scene) {
@@ -156,7 +157,6 @@ impl SceneTriangles {
         let was = self.objects[place].clone();
         let now = now.unwrap_or(TargetObject { is_open: true, is_removed: true, ..was.clone() });
         if self.is_same(&was, &now, &facts) {
-            self.objects[place].id = now.id;
             return None;
         }
         let mut occluded = [DVec3::INFINITY, DVec3::NEG_INFINITY];
@@ -173,8 +173,11 @@ impl SceneTriangles {
         let count = facts.len() as u32;
         let (mut first, mut room_end) = (was.first, was.room_end);
         if count > room_end - first {
+            // At least twice the former room: an object that grows step by step leaves no more behind than it
+            // has.
+            let room = count.max(2 * (room_end - first));
             first = self.corners.len() as u32;
-            room_end = first + count;
+            room_end = first + room;
             self.add_room(place as u32, room_end as usize);
         }
         for (facts, t) in facts.into_iter().zip(first..) {
@@ -184,10 +187,11 @@ impl SceneTriangles {
         Some(Change { place: place as u32, was: occluded })
     }
 
-    /// Returns whether an object with these triangles is, for visibility, what it was.
+    /// Returns whether an object with these triangles is, for visibility, what it was. Another object at the
+    /// index of a removed one is not, even where it looks the same: verdicts name the id of their object.
     fn is_same(&self, was: &TargetObject, now: &TargetObject, facts: &[TriangleFacts]) -> bool {
         let range = was.first as usize..was.end as usize;
-        (was.is_open, was.is_removed) == (now.is_open, now.is_removed)
+        (was.id, was.is_open, was.is_removed) == (now.id, now.is_open, now.is_removed)
             && (was.is_removed || (was.min, was.max) == (now.min, now.max))
             && range.len() == facts.len()
             && range.zip(facts).all(|(t, facts)| {
