@@ -13,6 +13,7 @@ use crate::culler::Lack;
 use crate::jobs::Jobs;
 use crate::scene::lanes;
 use crate::walk::{Block, BoxHierarchy, Child, IsOfScene, NodeTest, SceneHierarchy, Walk, retain_on};
+use crate::view::ViewRegion;
 use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCursor};
 
 /// Default [price](OcclusionCuller::with_price): the number of occluder triangles that may be drawn for each
@@ -141,12 +142,14 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         &mut self.hierarchy
     }
 
-    /// Culls, on the threads of a job system if `jobs` is given.
+    /// Culls, on the threads of a job system if `jobs` is given. With a `region`, `view` is its picture, and
+    /// only what no view of the region sees is removed.
     fn cull_with(
         &mut self,
         jobs: Option<&dyn Jobs>,
         scene: &Scene,
         view: &View,
+        region: Option<&ViewRegion>,
         visible: &mut VisibleSet,
     ) -> CullStats {
         if !self.scene.is_in(scene) {
@@ -159,13 +162,20 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         let mut budget = Budget::new(self.price, self.work_limit);
         // A map with delayed answers, as from a graphics card, must be tested in every frame.
         let at_once = self.map.answers_at_once();
-        let learns = self.price > 0 && at_once;
+        // What a region costs and hides says little of single views.
+        let learns = self.price > 0 && at_once && region.is_none();
         if learns && self.experience.leaves_out(objects, view.clip_from(origin).row(3).truncate()) {
             self.map.begin_within(view, origin, 0.0, jobs);
             return self.sweep(None, scene, visible, &mut budget, SweepKind::Count);
         }
         let most = budget.for_own_occluders(MIN_BEHIND.max(objects as f32));
-        let own = self.map.begin_within(view, origin, most, jobs);
+        let own = match region {
+            None => self.map.begin_within(view, origin, most, jobs),
+            Some(region) => match self.map.begin_region(region, origin, most, jobs) {
+                Some(own) => own,
+                None => return CullStats::default().with_visible(objects as u64),
+            },
+        };
         budget.spend_outside_search(own);
         let mut stats = CullStats::default();
         // Occluders that the map drew by itself can already hide objects: test these before the search for
@@ -256,7 +266,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        self.cull_with(None, scene, view, visible)
+        self.cull_with(None, scene, view, None, visible)
     }
 
     fn cull_on(
@@ -266,7 +276,17 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         view: &View,
         visible: &mut VisibleSet,
     ) -> CullStats {
-        self.cull_with(Some(jobs), scene, view, visible)
+        self.cull_with(Some(jobs), scene, view, None, visible)
+    }
+
+    fn cull_region(
+        &mut self,
+        jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        region: &ViewRegion,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
+        self.cull_with(jobs, scene, region.picture(), Some(region), visible)
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
