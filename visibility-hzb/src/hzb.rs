@@ -536,12 +536,13 @@ impl Hzb {
         self.clip_planes = view.clip_planes_from(origin);
         self.layers = view.layers();
         self.pyramid.clear();
-        if work > 0.0 && !self.levels.is_empty() && self.parallax.is_none() {
+        if work > 0.0 && !self.levels.is_empty() {
+            let radius = self.parallax.as_ref().map(Parallax::radius);
             let sides = sides(&self.projection, [0, self.tiles.columns]);
             let frames = self.levels.iter().map(|level| {
                 let is_in_view = level.is_on(view.layers()) && level.is_in_view(&sides, origin);
                 let frame =
-                    || LevelFrame::new(view, level, self.size, padded, self.coverage, self.min_polygon_area);
+                    || LevelFrame::new(view, level, self.size, padded, self.coverage, self.min_polygon_area, radius);
                 is_in_view.then(frame).flatten()
             });
             self.level_frames.clear();
@@ -640,7 +641,7 @@ impl OcclusionMap for Hzb {
     }
 
     fn draws(&self, object: ObjectId) -> bool {
-        self.parallax.is_none() && self.drawn_objects.contains(object, self.layers)
+        self.drawn_objects.contains(object, self.layers)
     }
 
     fn flush(&mut self) {

@@ -58,6 +58,11 @@ impl Parallax {
         Self { radius: radius * (1.0 + ROUNDING), gradients: [x, y, w].map(|row| DVec3::from(row.linear)) }
     }
 
+    /// Returns the radius of the ball in metres.
+    pub(crate) fn radius(&self) -> f64 {
+        self.radius
+    }
+
     /// Returns where a point appears, given by its `x`, `y` and `w` from the middle of the ball. The ranges
     /// are unbounded for a point nearer than twice the radius.
     pub(crate) fn places(&self, x: f64, y: f64, w: f64) -> Places {
