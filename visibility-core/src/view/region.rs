@@ -180,6 +180,8 @@ pub struct ViewRegion {
     /// View through the window of the volume, before its sides are moved outwards.
     volume: View,
     picture: View,
+    /// Radius of a ball around the camera's eye that holds all points at which sight begins, in metres.
+    start: f64,
     /// Points of the volume that are not in the picture are nearer than this to the camera's eye, in metres.
     margin: f64,
 }
@@ -244,6 +246,7 @@ impl ViewRegion {
             depths,
             volume: through(volume)?.with_layers(view.layers()),
             picture: through(picture)?.with_layers(view.layers()),
+            start,
             margin: beyond_sides.max(before_near) * (1.0 + SLACK),
         })
     }
@@ -281,6 +284,12 @@ impl ViewRegion {
     /// [picture](Self::picture), in metres. A little more than [`Reach::metres`], for rounding.
     pub fn radius(&self) -> f64 {
         self.radius
+    }
+
+    /// Returns the radius of a ball around the eye of the [picture](Self::picture) that holds all points at
+    /// which sight of the region's views begins, on their near planes, in metres.
+    pub fn start_radius(&self) -> f64 {
+        self.start
     }
 
     /// Returns the view to draw occluders with: from the middle of the ball, wide enough for all directions,

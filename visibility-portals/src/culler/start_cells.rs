@@ -4,6 +4,7 @@
 use super::scene_cells::SceneCells;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
+use visibility_core::view::ViewRegion;
 use visibility_core::{View, cells::CellId, pvs::ViewcellId};
 
 /// Scratch memory for finding the cells in which lines of sight begin.
@@ -31,5 +32,20 @@ impl StartCells {
             self.touching.iter().for_each(|&viewcell| each(CellId(viewcell.0)));
         });
         known && covered
+    }
+
+    /// As [`find`](Self::find), for all views of a region: with every cell that reaches into the ball in which
+    /// their lines of sight begin, around `anchor`.
+    pub(super) fn find_around(
+        &mut self,
+        cells: &SceneCells,
+        region: &ViewRegion,
+        anchor: DVec3,
+        mut each: impl FnMut(CellId),
+    ) -> bool {
+        let margin = cells.tolerance + region.start_radius();
+        let covered = cells.viewcells.reached(&[DVec3::ZERO], anchor, margin, &mut self.touching);
+        self.touching.iter().for_each(|&viewcell| each(CellId(viewcell.0)));
+        covered
     }
 }
