@@ -108,7 +108,7 @@ impl ZoneScratch {
                 if !cut(&mut a, &mut b, frame, cuts) {
                     continue;
                 }
-                let zone = parallax.zone(&a, &b);
+                let zone = parallax.zone(&a, &b, &frame.object);
                 if !meets(&zone) {
                     continue;
                 }
@@ -137,7 +137,7 @@ impl ZoneScratch {
             // All cuts of one plane lie on one line, so the zones from the first cut to all others contain
             // those between any two.
             if let Some((first, others)) = cuts.split_first() {
-                zones.extend(others.iter().map(|other| parallax.zone(first, other)).filter(|zone| meets(zone)));
+                zones.extend(others.iter().map(|other| parallax.zone(first, other, &frame.object)).filter(|zone| meets(zone)));
             }
         }
         true
