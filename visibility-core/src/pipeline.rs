@@ -129,8 +129,8 @@ impl Pipeline {
     ///
     /// An answer is kept only if nothing that it depends on has changed: the scene, the set `visible`, the
     /// layers, window, near and far distance of the view, the stages, and what the stages
-    /// [share](Culler::answer_holds) with the engine. A frame culls as without a reach if the camera has moved
-    /// or turned by more than the reach since the frame before, and for views that have [no
+    /// [share](Culler::answer_holds) with the engine. A frame culls as without a reach if the camera has
+    /// moved or turned by more than the reach since the frame before, and for views that have [no
     /// region](ViewRegion::around). Stages without answers for [regions](Culler::cull_region) remove nothing,
     /// also in a pipeline with other stages.
     ///

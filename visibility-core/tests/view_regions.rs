@@ -56,9 +56,11 @@ fn planes_and_margin_hold_what_the_views_see() {
         let view = perspective(&mut random);
         let reach = Reach::new(random.pick(&[0.0, 0.05, 0.5]), random.pick(&[0.0, 0.05, 0.3]));
         let Some(region) = ViewRegion::around(&view, reach) else { continue };
-        let halved = ViewRegion::around(&view, Reach::new(0.5 * reach.metres(), 0.5 * reach.radians())).unwrap();
+        let halved =
+            ViewRegion::around(&view, Reach::new(0.5 * reach.metres(), 0.5 * reach.radians())).unwrap();
         let origin = random.vector(9.0);
-        let (planes, of_halved, margin) = (region.planes(origin), halved.planes(origin), region.margin(origin));
+        let (planes, of_halved, margin) =
+            (region.planes(origin), halved.planes(origin), region.margin(origin));
         for _ in 0..40 {
             let turn = DQuat::from_axis_angle(random.direction(), reach.radians() * (1.0 - 1e-7));
             let other = moved(&view, random.direction() * (reach.metres() * (1.0 - 1e-7)), turn);
@@ -178,12 +180,16 @@ fn stale_answers_are_never_kept() {
     assert!(!world.cull(&ahead(0.0, 60.0)), "another far distance");
     assert!(!world.cull(&ahead(0.0, 60.0)) && world.cull(&ahead(0.0, 60.0)), "kept again");
     assert!(!world.cull(&ahead(0.0, 60.0).with_layers(1)), "other layers");
-    let (mut world, pose) = (World::new(Reach::new(0.1, 0.1)), Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z));
+    let (mut world, pose) =
+        (World::new(Reach::new(0.1, 0.1)), Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z));
     assert!(!world.cull(&View::perspective(pose, 1.1, 1.5, 0.1, 50.0).unwrap()), "another field of view");
     let mut world = World::new(Reach::new(0.1, 0.1));
     assert!(!world.cull(&View::perspective(pose, 1.0, 1.5, 0.2, 50.0).unwrap()), "another near distance");
     let mut world = World::new(Reach::new(0.1, 0.1));
-    assert!(!world.cull(&View::orthographic(pose, Window::centered(3.0, 3.0), 0.1, 50.0).unwrap()), "parallel");
+    assert!(
+        !world.cull(&View::orthographic(pose, Window::centered(3.0, 3.0), 0.1, 50.0).unwrap()),
+        "parallel"
+    );
     // The set.
     let mut world = World::new(Reach::new(0.1, 0.1));
     world.visible.retain(&world.scene, |_, _| false);

@@ -450,7 +450,8 @@ impl Hzb {
         two_sided: bool,
     ) {
         let (projection, coverage, parallax) = (&self.projection, self.coverage, self.parallax.as_ref());
-        match self.simd.box_shape(bounds, transform, projection, extent, coverage, parallax, &mut self.shape) {
+        match self.simd.box_shape(bounds, transform, projection, extent, coverage, parallax, &mut self.shape)
+        {
             ShapeResult::Ready => self.fill(),
             ShapeResult::Nothing => {}
             ShapeResult::DrawAsMesh => {
@@ -536,8 +537,17 @@ impl Hzb {
             let sides = sides(&self.projection, [0, self.tiles.columns]);
             let frames = self.levels.iter().map(|level| {
                 let is_in_view = level.is_on(view.layers()) && level.is_in_view(&sides, origin);
-                let frame =
-                    || LevelFrame::new(view, level, self.size, padded, self.coverage, self.min_polygon_area, radius);
+                let frame = || {
+                    LevelFrame::new(
+                        view,
+                        level,
+                        self.size,
+                        padded,
+                        self.coverage,
+                        self.min_polygon_area,
+                        radius,
+                    )
+                };
                 is_in_view.then(frame).flatten()
             });
             self.level_frames.clear();
@@ -584,8 +594,8 @@ impl OcclusionMap for Hzb {
         self.begin_frame(view, origin, work, jobs)
     }
 
-    /// Draws for a ball of eyes: an occluder covers no pixel at which its outline appears from some eye of the
-    /// ball (`raster/parallax.rs`). `None` for [`Coverage::Sampled`].
+    /// Draws for a ball of eyes: an occluder covers no pixel at which its outline appears from some eye of
+    /// the ball (`raster/parallax.rs`). `None` for [`Coverage::Sampled`].
     fn begin_region(
         &mut self,
         region: &ViewRegion,
@@ -648,7 +658,9 @@ impl OcclusionMap for Hzb {
         let ([x0, y0, z0], [x1, y1, z1]) = (bounds.min.to_array(), bounds.max.to_array());
         let answer = test_box(&self.query(), [x0, y0, z0, x1, y1, z1]);
         match (answer.hidden, answer.visible) {
-            (1.., _) if self.margin.as_ref().is_some_and(|margin| margin.may_meet(bounds)) => Occlusion::Partial,
+            (1.., _) if self.margin.as_ref().is_some_and(|margin| margin.may_meet(bounds)) => {
+                Occlusion::Partial
+            }
             (0, 0) => Occlusion::Partial,
             (0, _) => Occlusion::Visible,
             _ => Occlusion::Hidden,

@@ -42,7 +42,8 @@ fn moved(view: &View, reach: Reach, random: &mut Random) -> View {
     let turn = DQuat::from_axis_angle(random.direction(), reach.radians() * part(random));
     let Eye::Point(eye) = view.eye(DVec3::ZERO) else { return *view };
     // Points go to where the first view had them: turned back about the eye.
-    let back = DMat4::from_translation(eye) * DMat4::from_quat(turn.inverse()) * DMat4::from_translation(-eye - by);
+    let back =
+        DMat4::from_translation(eye) * DMat4::from_quat(turn.inverse()) * DMat4::from_translation(-eye - by);
     let matrix = view.clip_from(DVec3::ZERO) * back;
     View::from_clip_from_world(matrix, view.depth()).unwrap()
 }
@@ -105,7 +106,8 @@ fn cast(
     counts: &mut Counts,
 ) {
     let Some(region) = ViewRegion::around(view, drawn) else { return };
-    let jobs: Option<&dyn visibility_core::jobs::Jobs> = if random.one_in(3) { Some(&Reversed) } else { None };
+    let jobs: Option<&dyn visibility_core::jobs::Jobs> =
+        if random.one_in(3) { Some(&Reversed) } else { None };
     if hzb.begin_region(&region, DVec3::ZERO, f32::INFINITY, jobs).is_none() {
         return;
     }
@@ -120,9 +122,14 @@ fn cast(
     let pixels: Vec<_> = covered_pixels(hzb).collect();
     let views: Vec<View> = (0..12).map(|_| moved(view, truth, random)).collect();
     for &(column, row, key) in &pixels {
-        let lonely = [(column.wrapping_sub(1), row), (column + 1, row), (column, row.wrapping_sub(1)), (column, row + 1)]
-            .iter()
-            .any(|&(c, r)| hzb.depth_key(c, r) == f32::NEG_INFINITY);
+        let lonely = [
+            (column.wrapping_sub(1), row),
+            (column + 1, row),
+            (column, row.wrapping_sub(1)),
+            (column, row + 1),
+        ]
+        .iter()
+        .any(|&(c, r)| hzb.depth_key(c, r) == f32::NEG_INFINITY);
         if !lonely && !random.one_in(16) {
             continue;
         }
@@ -132,7 +139,8 @@ fn cast(
         let at = inverse * DVec4::new(2.0 * x - 1.0, 1.0 - 2.0 * y, 0.5, 1.0);
         let ray = (at.truncate() / at.w - eye).normalize();
         // Just behind the pixel's depth, a little behind, or far behind.
-        let depth = 1.0 / key * [1.0 + 1e-5, 1.0 + random.unit(), 1.0 + 50.0 * random.unit()][random.below(3)];
+        let depth =
+            1.0 / key * [1.0 + 1e-5, 1.0 + random.unit(), 1.0 + 50.0 * random.unit()][random.below(3)];
         let p = eye + ray * (depth / ray.dot(forward));
         for view in &views {
             if let Some(start) = sight_start(view, p) {
@@ -237,7 +245,8 @@ fn nothing_behind_covered_pixels_is_seen_long() {
 /// An eye in a ball that touches no occluder keeps hiding what a large wall hides.
 #[test]
 fn a_wall_still_hides() {
-    let wall = visibility_core::OccluderMesh::cuboid(&Aabb::from_arrays([5.0, -4.0, -4.0], [5.2, 4.0, 4.0])).unwrap();
+    let wall = visibility_core::OccluderMesh::cuboid(&Aabb::from_arrays([5.0, -4.0, -4.0], [5.2, 4.0, 4.0]))
+        .unwrap();
     let pose = visibility_core::Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap();
     let mut hzb = Hzb::default();
@@ -247,12 +256,17 @@ fn a_wall_still_hides() {
         hzb.add(&wall, &visibility_core::glam::Affine3A::IDENTITY);
         hzb.flush();
         let at = |y: f32| Aabb::new(Vec3::new(9.9, y - 0.01, -0.01), Vec3::new(10.0, y + 0.01, 0.01));
-        (0..100).filter(|&i| hzb.test(&at(0.1 * i as f32)) == visibility_core::occlusion::Occlusion::Hidden).count()
+        (0..100)
+            .filter(|&i| hzb.test(&at(0.1 * i as f32)) == visibility_core::occlusion::Occlusion::Hidden)
+            .count()
     };
     // The wall's edge is 4 m beside its middle, 5 m ahead. At 9.9 m that is 7.92 m from the eye. From the ball
     // it appears at 7.67 m for 10 cm, at 6.95 m for 40 cm and 5.63 m for 1 m. A pixel is 6 cm wide there.
     let counts = [0.0, 0.1, 0.4, 1.0].map(&mut hidden);
     for (count, beside) in counts.into_iter().zip([7.92, 7.67, 6.95, 5.63]) {
-        assert!(f64::from(count as u32) * 0.1 - beside < 0.2 && beside - f64::from(count as u32) * 0.1 < 0.2, "{counts:?}");
+        assert!(
+            f64::from(count as u32) * 0.1 - beside < 0.2 && beside - f64::from(count as u32) * 0.1 < 0.2,
+            "{counts:?}"
+        );
     }
 }

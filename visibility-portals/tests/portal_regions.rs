@@ -53,7 +53,8 @@ fn cast(seed: u64, style: Style, drawn: impl Fn(Reach) -> Reach) -> Tally {
                 let turn = DQuat::from_axis_angle(random.direction(), reach.radians() * (1.0 - 1e-6));
                 let moved = camera.moved(random.direction() * (reach.metres() * (1.0 - 1e-6)), turn);
                 for _ in 0..30 {
-                    let target = Maze::near(&mut random, at, &maze.targets).and_then(|target| moved.project(target));
+                    let target =
+                        Maze::near(&mut random, at, &maze.targets).and_then(|target| moved.project(target));
                     let edge = random.pick(&[-1.0, 1.0]);
                     let (x, y) = match random.below(4) {
                         0 => (edge, random.fine_range(-1.0, 1.0)),
@@ -109,7 +110,8 @@ fn a_kept_answer_is_dropped_when_a_door_moves() {
     let camera = Camera::new(&mut random, maze.to_world(maze.point_in(&mut random, 4)), false);
     let cells = Arc::new(RwLock::new(maze.cells.clone()));
     let portals = SharedPortalCuller::new(cells.clone());
-    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(portals).with_reach(Some(Reach::new(0.1, 0.1)));
+    let mut pipeline =
+        Pipeline::new().with(FrustumCuller::new()).with(portals).with_reach(Some(Reach::new(0.1, 0.1)));
     let mut visible = VisibleSet::new();
     let mut kept = Vec::new();
     for frame in 0..8 {

@@ -87,8 +87,22 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY);
     table.set_header([
-        "scene", "culler", "frames", "skipped", "reported", "each frame", "times", "triangles", "each frame",
-        "times", "ms", "each frame", "times", "longest", "missing", "of frames",
+        "scene",
+        "culler",
+        "frames",
+        "skipped",
+        "reported",
+        "each frame",
+        "times",
+        "triangles",
+        "each frame",
+        "times",
+        "ms",
+        "each frame",
+        "times",
+        "longest",
+        "missing",
+        "of frames",
     ]);
     let reach = Reach::new(arguments.metres, arguments.degrees.to_radians());
     for name in &arguments.scenes {
@@ -103,11 +117,14 @@ fn measure(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
             views.extend(path(walk, arguments, near, frames)?);
         }
         if views.is_empty() {
-            return Err(format!("{name}: no way to walk: its walks stand still; --cameras gives others").into());
+            return Err(
+                format!("{name}: no way to walk: its walks stand still; --cameras gives others").into()
+            );
         }
         let world = World::with_views(source, views, Vec::new(), SIZE);
         let mut buffer = ItemBuffer::new(SIZE.0, SIZE.1)?;
-        let (kept, plain) = (cullers::parse(&arguments.cullers, &world)?, cullers::parse(&arguments.cullers, &world)?);
+        let (kept, plain) =
+            (cullers::parse(&arguments.cullers, &world)?, cullers::parse(&arguments.cullers, &world)?);
         for ((entry, kept), (_, mut plain)) in kept.into_iter().zip(plain) {
             let mut kept = kept.with_reach(Some(reach));
             let (mut with, mut without) = (Sums::default(), Sums::default());
@@ -166,14 +183,20 @@ impl Sums {
         self.longest = self.longest.max(ms);
         self.skipped += usize::from(pipeline.is_kept());
         self.reported += visible.count(scene);
-        let costs = visible.iter(scene).filter_map(|id| scene.object(id).ok()).map(|object| u64::from(object.cost));
+        let costs =
+            visible.iter(scene).filter_map(|id| scene.object(id).ok()).map(|object| u64::from(object.cost));
         self.triangles += costs.sum::<u64>();
     }
 }
 
 /// Returns the views along a walk at the given speed, as many as `count`. The camera turns to where the walk
 /// looks and from side to side, at no more than the greatest speed of a turn.
-fn path(walk: &Walk, arguments: &Arguments, near: f64, count: usize) -> Result<Vec<View>, Box<dyn std::error::Error>> {
+fn path(
+    walk: &Walk,
+    arguments: &Arguments,
+    near: f64,
+    count: usize,
+) -> Result<Vec<View>, Box<dyn std::error::Error>> {
     let step = arguments.speed / RATE;
     let most = arguments.turn.to_radians() / RATE;
     let up = walk.up.as_dvec3();

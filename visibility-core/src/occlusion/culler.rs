@@ -12,8 +12,8 @@ use super::{Occlusion64, OcclusionMap};
 use crate::culler::Lack;
 use crate::jobs::Jobs;
 use crate::scene::lanes;
-use crate::walk::{Block, BoxHierarchy, Child, IsOfScene, NodeTest, SceneHierarchy, Walk, retain_on};
 use crate::view::ViewRegion;
+use crate::walk::{Block, BoxHierarchy, Child, IsOfScene, NodeTest, SceneHierarchy, Walk, retain_on};
 use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCursor};
 
 /// Default [price](OcclusionCuller::with_price): the number of occluder triangles that may be drawn for each

@@ -4,24 +4,25 @@
 //! turns it is good for as long as the camera stays inside (Coorg and Teller, "Temporally Coherent
 //! Conservative Visibility", 1996; Durand, "A Multidisciplinary Survey of Visibility", 2000, section 2 on
 //! coherence). A [`ViewRegion`] is such a ball and cone around one view, with all that cullers need: the
-//! planes around what any of its views can see, and one wider view of the ball's centre into which a culler of
-//! points of view may draw.
+//! planes around what any of its views can see, and one wider view of the ball's centre into which a culler
+//! of points of view may draw.
 //!
 //! # The volume
-//! Let `c` be the eye of the view that the region is around, `r` the radius and `d` the angle. Let `X` and `Y`
-//! be tangents in the axes of that view: `x / z` and `y / z`. A direction turned by at most `d` from a unit
-//! vector `u` is that of a point in the ball of radius `sin d` around `u`. Its shadow in the plane of `x` and
+//! Let `c` be the eye of the view that the region is around, `r` the radius and `d` the angle. Let `X` and
+//! `Y` be tangents in the axes of that view: `x / z` and `y / z`. A direction turned by at most `d` from a
+//! unit vector `u` is that of a point in the ball of radius `sin d` around `u`. Its shadow in the plane of
+//! `x` and
 //! `z` is in the disc of that radius around `(u.x, u.z)`, so its angle in that plane differs from that of `u`
 //! by at most `asin(sin d / |(u.x, u.z)|)`, and `|(u.x, u.z)|` is at least `1 / sqrt(1 + Y^2)`. The window is
 //! widened by this angle on each side. Then the sides are moved outwards by `r`, since each eye is within `r`
-//! of `c`. A point of the near plane is `near (X, Y, 1)` in the axes of its own view, with `X^2 + Y^2` at most
-//! some `D^2`, and has at least the depth `near (cos d - D sin d)` in the axes of the first; a point of the far
-//! plane has at most `far (cos d + D sin d)`.
+//! of `c`. A point of the near plane is `near (X, Y, 1)` in the axes of its own view, with `X^2 + Y^2` at
+//! most some `D^2`, and has at least the depth `near (cos d - D sin d)` in the axes of the first; a point of
+//! the far plane has at most `far (cos d + D sin d)`.
 //!
 //! # The picture
 //! The *picture* is a view from `c` through a window that is wider by a further angle `g`. Its near plane is
-//! beyond all points at which sight of the region's views begins. Points of the volume outside the picture are
-//! near: in the plane of `x` and `z` such a point is beyond a side of the widened window by more than the
+//! beyond all points at which sight of the region's views begins. Points of the volume outside the picture
+//! are near: in the plane of `x` and `z` such a point is beyond a side of the widened window by more than the
 //! angle `g` and by at most the distance `r`, so it is within `r / sin g` of `c` in that plane, and the other
 //! sides bound its third coordinate. [`PictureMargin`] tells for a box whether it may hold such a point.
 
@@ -99,8 +100,8 @@ struct Camera {
 }
 
 impl Camera {
-    /// Returns the camera of a view. `None` for a parallel or skewed view, for an oblique near plane, and for a
-    /// view with clip planes.
+    /// Returns the camera of a view. `None` for a parallel or skewed view, for an oblique near plane, and for
+    /// a view with clip planes.
     fn of(view: &View) -> Option<Self> {
         let Eye::Point(eye) = view.eye(DVec3::ZERO) else { return None };
         let Eye::Point(local) = view.eye(view.origin()) else { return None };
@@ -187,9 +188,9 @@ pub struct ViewRegion {
 }
 
 impl ViewRegion {
-    /// Returns the region around a view. `None` for views without regions: parallel and skewed ones, those with
-    /// an oblique near plane or with [clip planes](View::with_clip_planes), and those whose window would become
-    /// wider than about 160 degrees.
+    /// Returns the region around a view. `None` for views without regions: parallel and skewed ones, those
+    /// with an oblique near plane or with [clip planes](View::with_clip_planes), and those whose window would
+    /// become wider than about 160 degrees.
     pub fn around(view: &View, reach: Reach) -> Option<Self> {
         let camera = Camera::of(view)?;
         let Window { left, right, bottom, top } = camera.window;
@@ -225,8 +226,8 @@ impl ViewRegion {
             far * (cosine + diagonal * sine) + radius,
         ];
         // Where lines of sight begin: on the near plane of each view.
-        let start = (radius + camera.near * (1.0 + SLACK) * float::sqrt(1.0 + diagonal * diagonal))
-            * (1.0 + SLACK);
+        let start =
+            (radius + camera.near * (1.0 + SLACK) * float::sqrt(1.0 + diagonal * diagonal)) * (1.0 + SLACK);
         // So far that no point beyond comes near the plane of any of the eyes.
         let start = start.max(2.0 * radius);
         let margin_sine = PICTURE_MARGIN / float::sqrt(1.0 + PICTURE_MARGIN * PICTURE_MARGIN);
@@ -236,7 +237,8 @@ impl ViewRegion {
         let before_near = float::sqrt(start * start + 2.0 * across(start) * across(start));
         let [right, up, forward] = camera.axes;
         let pose = Pose { eye: camera.eye, right, up, forward };
-        let window = |[right, left, top, bottom]: [f64; 4]| Window { left: -left, right, bottom: -bottom, top };
+        let window =
+            |[right, left, top, bottom]: [f64; 4]| Window { left: -left, right, bottom: -bottom, top };
         let through = |sides| View::perspective_off_center(pose, window(sides), start, f64::INFINITY).ok();
         Some(Self {
             reach,
@@ -333,7 +335,8 @@ impl ViewRegion {
     }
 }
 
-/// Returns the tangent of the sum of two angles, given by their tangents, of which the second is not negative.
+/// Returns the tangent of the sum of two angles, given by their tangents, of which the second is not
+/// negative.
 /// `None` if the sum is not certainly less than the angle of [`MAX_TANGENT`].
 fn turned(tangent: f64, by: f64) -> Option<f64> {
     let sum = (tangent + by) / (1.0 - tangent * by);

@@ -315,7 +315,8 @@ fn draw_polygon(
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
 ) -> bool {
-    let LevelScratch { vertices, edges, fill: fill_scratch, clip, zones, seams, far_sides, work, .. } = scratch;
+    let LevelScratch { vertices, edges, fill: fill_scratch, clip, zones, seams, far_sides, work, .. } =
+        scratch;
     let index = candidate.cluster as usize;
     let Some(cluster) = level.level.clusters().get(index) else { return false };
     let polygon = level.level.polygons().get(cluster.polygons[0] as usize + at);

@@ -89,7 +89,8 @@ pub(crate) struct LevelFrame {
 
 impl LevelFrame {
     /// Prepares a frame of `view`. `picture` is the width and height of the picture in pixels, `size` that of
-    /// the buffer of whole tiles. `radius` is that of the ball of eyes that is drawn for, in metres. `None` if the view's numbers are too large or too small to draw anything.
+    /// the buffer of whole tiles. `radius` is that of the ball of eyes that is drawn for, in metres. `None`
+    /// if the view's numbers are too large or too small to draw anything.
     pub(crate) fn new(
         view: &View,
         level: &PreparedLevel,

@@ -4,8 +4,8 @@ use super::edges::{Edges, Edges16};
 use super::prepared::NO_EDGE;
 use super::seams::Seams;
 use crate::buffer::tile_layout::SIDE;
-use crate::raster::parallax::EdgeZone;
 use crate::lanes::{WIDTH, bits, greatest, least, round_to_i32};
+use crate::raster::parallax::EdgeZone;
 use alloc::vec::Vec;
 
 /// Width in pixels of the part of a row of tiles that is filled at once: one bit of a word for each column.

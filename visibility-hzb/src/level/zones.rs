@@ -3,15 +3,15 @@
 //! # The rule
 //! A polygon's surface goes on beyond an edge if the edge's other polygon faces the eye too and lies on the
 //! other side of the edge in the picture. Other edges end the surface, and so do cuts at the near plane. A
-//! pixel of a polygon stays uncovered if an edge that ends its surface appears there, from an eye of the ball.
-//! Edges of neighbours count as well: a narrow polygon beyond a shared edge ends soon after it.
+//! pixel of a polygon stays uncovered if an edge that ends its surface appears there, from an eye of the
+//! ball. Edges of neighbours count as well: a narrow polygon beyond a shared edge ends soon after it.
 //!
 //! # Why it is sound
 //! As in [`parallax`](crate::raster::parallax), with the point of the surface that hides the moving end. That
-//! point begins in the polygon and goes on into the neighbour where it crosses a shared edge, until it meets an
-//! edge that ends the surface. Each edge that it crosses appears, from some eye of the ball, where the hidden
-//! point does. So the search for ends goes on beyond a shared edge only if the zone of that edge meets the
-//! polygon. Neighbours are surfaces of the level whether or not they are drawn.
+//! point begins in the polygon and goes on into the neighbour where it crosses a shared edge, until it meets
+//! an edge that ends the surface. Each edge that it crosses appears, from some eye of the ball, where the
+//! hidden point does. So the search for ends goes on beyond a shared edge only if the zone of that edge meets
+//! the polygon. Neighbours are surfaces of the level whether or not they are drawn.
 
 use super::draw::{eye_side, far_side};
 use super::frame::LevelFrame;
@@ -137,12 +137,16 @@ impl ZoneScratch {
             // All cuts of one plane lie on one line, so the zones from the first cut to all others contain
             // those between any two.
             if let Some((first, others)) = cuts.split_first() {
-                zones.extend(others.iter().map(|other| parallax.zone(first, other, &frame.object)).filter(|zone| meets(zone)));
+                zones.extend(
+                    others
+                        .iter()
+                        .map(|other| parallax.zone(first, other, &frame.object))
+                        .filter(|zone| meets(zone)),
+                );
             }
         }
         true
     }
-
 }
 
 /// Cuts an edge at the distances at which outlines are cut, and appends the cuts to `cuts`. Returns whether

@@ -272,10 +272,10 @@ impl<'a> ContourRaster<'a> {
         let [left, right, above, below] = zone.bounds();
         let Some(lines) = range(above - slack, below + slack, height) else { return };
         let Some(columns) = range(left - slack, right + slack, width) else { return };
-        self.touch(columns.map(|column| (column / SIDE).min(self.columns - 1)), [
-            lines[0] / SIDE,
-            (lines[1] - 1) / SIDE,
-        ]);
+        self.touch(
+            columns.map(|column| (column / SIDE).min(self.columns - 1)),
+            [lines[0] / SIDE, (lines[1] - 1) / SIDE],
+        );
         for line in lines[0]..lines[1] {
             let y = line as f64;
             let Some([left, right]) = zone.columns(y - slack, y + 1.0 + slack) else { continue };

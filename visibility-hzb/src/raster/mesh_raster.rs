@@ -531,7 +531,17 @@ mod tests {
             let mut tiles = Tiles::new(64, 64);
             let (mut scratch, mut contour_tiles) = (MeshScratch::default(), ContourTiles::new(&tiles));
             let coverage = Coverage::Conservative;
-            draw_mesh(&mesh, &off, &projection, 1.0, coverage, None, &mut scratch, &mut contour_tiles, &mut tiles);
+            draw_mesh(
+                &mesh,
+                &off,
+                &projection,
+                1.0,
+                coverage,
+                None,
+                &mut scratch,
+                &mut contour_tiles,
+                &mut tiles,
+            );
             let [a, b, c] = positions.map(|p| {
                 let [x, y, w, ..] = object.at(p.to_array().map(f64::from));
                 [x / w, y / w]

@@ -6,16 +6,18 @@
 //! triangles share stay covered however far the eye moves, so a wall of many pieces is eroded along its
 //! outline only. (Wonka, Wimmer and Schmalstieg, "Visibility Preprocessing with Occluder Fusion for Urban
 //! Walkthroughs", 2000, shrink each occluder by the ball; Décoret, Debunne and Sillion, "Erosion Based
-//! Visibility Preprocessing", 2003, erode what occluders cover together. Here the erosion is that of an edge's
-//! parallax alone, at the distance of the edge, and none where a neighbour continues the surface.)
+//! Visibility Preprocessing", 2003, erode what occluders cover together. Here the erosion is that of an
+//! edge's parallax alone, at the distance of the edge, and none where a neighbour continues the surface.)
 //!
 //! # Why it is sound
 //! Let `c` be the middle of the ball, `e` another eye of it, and `p` a point that is hidden from `c` by the
-//! drawn triangles `T` of one mesh: the segment from `c` to `p` crosses `T` from the front. No triangle of `T`
-//! comes as near to `c` as any point at which sight of an eye of the ball begins; so the segment from `c` to
+//! drawn triangles `T` of one mesh: the segment from `c` to `p` crosses `T` from the front. No triangle of
+//! `T` comes as near to `c` as any point at which sight of an eye of the ball begins; so the segment from `c`
+//! to
 //! `e` does not meet `T`. Move the end of a segment from `c` along the line from `e` to `p`. At `e` the segment
-//! misses `T`, at `p` it crosses `T`. So somewhere on the way the moving end crosses `T`, from the front since
-//! that is the side on which `c` lies, and `p` is hidden from `e`; or the moving segment, from `c` to a point
+//! misses `T`, at `p` it crosses `T`. So somewhere on the way the moving end crosses `T`, from the front
+//! since that is the side on which `c` lies, and `p` is hidden from `e`; or the moving segment, from `c` to a
+//! point
 //! `q`, meets a contour edge of `T` in a point `s`. In the second case `q = k s` with `k >= 1`, relative to
 //! `c`. The line through `e` and `q` has `p` beyond `q`, so from `a e` with some `a` between 0 and 1, `p`
 //! appears in the picture of `c` where `q` does: `p` is in the direction of `k s - a e`, which is that of
@@ -24,11 +26,12 @@
 //! from all eyes of the ball. (Directions are carried from one eye to another without turning them.)
 //!
 //! # Where a point appears
-//! Let `x` and `w` be the screen coordinates of a point from `c` and `X` and `W` the gradients of the two. From
+//! Let `x` and `w` be the screen coordinates of a point from `c` and `X` and `W` the gradients of the two.
+//! From
 //! `e` the point appears at the column `v = (x - X e) / (w - W e)`. The extreme columns over the ball of
-//! radius `r` are those at which the plane `(x - v w) - (X - v W) e = 0` touches the ball: `|x - v w| = r |X -
-//! v W|`, a quadratic equation in `v`. Its discriminant is written without cancellation. An edge appears from
-//! each eye as a straight segment between places of its ends, so it stays in the convex hull of the two
+//! radius `r` are those at which the plane `(x - v w) - (X - v W) e = 0` touches the ball: `|x - v w| = r |X
+//! - v W|`, a quadratic equation in `v`. Its discriminant is written without cancellation. An edge appears
+//! from each eye as a straight segment between places of its ends, so it stays in the convex hull of the two
 //! rectangles in which its ends appear. All this needs `w` to be positive from all eyes; geometry is cut at
 //! twice the radius.
 
@@ -67,9 +70,9 @@ impl Parallax {
     }
 
     /// Returns where a point appears, given by its `x`, `y` and `w` from the middle of the ball. The ranges
-    /// are unbounded for a point nearer than about twice the radius. `errors` bound those of the coordinates; the
-    /// quotients by `w - W e`, which is at least 0.45 times `w`, are off by at most 2.3 times
-    /// what the quotients by `w` are.
+    /// are unbounded for a point nearer than about twice the radius. `errors` bound those of the coordinates;
+    /// the quotients by `w - W e`, which is at least 0.45 times `w`, are off by at most 2.3 times what the
+    /// quotients by `w` are.
     fn places(&self, [x, y, w]: [f64; 3], [error_x, error_y, error_w]: [f64; 3]) -> Places {
         let [of_x, of_y, of_w] = self.gradients;
         let squared = self.radius * self.radius;
@@ -117,8 +120,9 @@ impl EdgeZone {
         [a[0].min(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].max(b[3])]
     }
 
-    /// Returns a half-plane `a x + b y + c >= 0` that no point of the zone is inside of, for an edge whose inner
-    /// side is the half-plane `inner`. For an outline that is convex on the screen. The zone is widened by
+    /// Returns a half-plane `a x + b y + c >= 0` that no point of the zone is inside of, for an edge whose
+    /// inner side is the half-plane `inner`. For an outline that is convex on the screen. The zone is widened
+    /// by
     /// `slack` pixels.
     pub(crate) fn beside(&self, inner: [f64; 3], slack: f64) -> [f64; 3] {
         let [a, b, _] = inner;
@@ -127,7 +131,8 @@ impl EdgeZone {
             [if a > 0.0 { right } else { left }, if b > 0.0 { below } else { above }]
         });
         let farthest = |a: f64, b: f64| {
-            let of = |[left, right, above, below]: &Places| (a * left).max(a * right) + (b * above).max(b * below);
+            let of =
+                |[left, right, above, below]: &Places| (a * left).max(a * right) + (b * above).max(b * below);
             of(&self.ends[0]).max(of(&self.ends[1]))
         };
         // The line through both corners, unless the zone crosses it.

@@ -33,10 +33,10 @@ pub(crate) struct ConvexScratch {
 
 /// Replaces `shape` by the screen shape of a mesh. `object` projects the mesh's own coordinates. `facing` is
 /// the sign (1 or -1) of the determinant of the corners of triangles that face the eye. `convex` tells that
-/// the mesh is known to be convex. With a `parallax`, the pixels are left out at which the outline appears from
-/// some eye of the ball. Returns [`ShapeResult::DrawAsMesh`] if the mesh has too many edges or
-/// planes for a shape, or is neither known to be convex nor looks convex. Returns [`ShapeResult::Nothing`] if
-/// the mesh is outside the buffer, or is convex and shows no triangle.
+/// the mesh is known to be convex. With a `parallax`, the pixels are left out at which the outline appears
+/// from some eye of the ball. Returns [`ShapeResult::DrawAsMesh`] if the mesh has too many edges or planes
+/// for a shape, or is neither known to be convex nor looks convex. Returns [`ShapeResult::Nothing`] if the
+/// mesh is outside the buffer, or is convex and shows no triangle.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 pub(crate) fn convex_shape(
@@ -210,7 +210,8 @@ fn outline(
     let keep = |shape: &mut ScreenShape, a: Point, b: Point| {
         let line = cross(a, b);
         let inner = [line[0] * facing, line[1] * facing, line[2] * facing - products];
-        let eroded = parallax.map(|parallax| parallax.zone_between([a, b], object).beside(inner, SHAPE_SLACK_PX));
+        let eroded =
+            parallax.map(|parallax| parallax.zone_between([a, b], object).beside(inner, SHAPE_SLACK_PX));
         let mut add = |line| shape.add_edge(line, projection.size, coverage);
         add(inner) && eroded.is_none_or(add)
     };

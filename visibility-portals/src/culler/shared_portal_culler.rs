@@ -4,7 +4,8 @@ use super::portal_eye::PortalEye;
 use super::scene_cells::SceneCells;
 use std::sync::{Arc, RwLock};
 use visibility_core::{
-    Accuracy, CullStats, Culler, Scene, View, VisibleSet, culler::Lack, jobs::Jobs, stamp::Stamp, view::ViewRegion,
+    Accuracy, CullStats, Culler, Scene, View, VisibleSet, culler::Lack, jobs::Jobs, stamp::Stamp,
+    view::ViewRegion,
 };
 
 /// Removes objects that cannot be seen through open portals, as [`PortalCuller`](super::PortalCuller) does:
