@@ -449,8 +449,11 @@ impl Hzb {
         extent: Option<&ScreenExtent>,
         two_sided: bool,
     ) {
-        let (projection, coverage, parallax) = (&self.projection, self.coverage, self.parallax.as_ref());
-        match self.simd.box_shape(bounds, transform, projection, extent, coverage, parallax, &mut self.shape)
+        if self.parallax.is_some() {
+            let corners = bounds.corners();
+            return self.draw_mesh(&OccluderTriangles::of_box(&corners, two_sided), bounds, transform, true);
+        }
+        match self.simd.box_shape(bounds, transform, &self.projection, extent, self.coverage, &mut self.shape)
         {
             ShapeResult::Ready => self.fill(),
             ShapeResult::Nothing => {}
@@ -470,7 +473,9 @@ impl Hzb {
         // Filling a convex outline is cheaper than filling a contour. The test whether a mesh looks convex
         // compares every edge with every vertex, so it pays for few triangles only.
         let convex = convex || mesh.triangles.len() == 1;
-        if convex || mesh.triangles.len() <= MAX_OUTLINE_TRIANGLES {
+        // A shape has no place for the parallax of its outline.
+        let has_shape = self.parallax.is_none();
+        if has_shape && (convex || mesh.triangles.len() <= MAX_OUTLINE_TRIANGLES) {
             match self.simd.convex_shape(
                 mesh,
                 &object,
@@ -478,7 +483,6 @@ impl Hzb {
                 facing,
                 coverage,
                 convex,
-                self.parallax.as_ref(),
                 convex_scratch,
                 &mut self.shape,
             ) {

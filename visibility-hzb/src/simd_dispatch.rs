@@ -87,12 +87,11 @@ macro_rules! compiled {
 compiled! {
     box_shape = crate::setup::box_shape::box_shape, (
         bounds: &Aabb, transform: &Affine3A, projection: &ScreenProjection, extent: Option<&ScreenExtent>,
-        coverage: Coverage, parallax: Option<&Parallax>, shape: &mut ScreenShape
+        coverage: Coverage, shape: &mut ScreenShape
     ) -> ShapeResult;
     convex_shape = crate::setup::convex_shape::convex_shape, (
         mesh: &OccluderTriangles, object: &ObjectProjection, projection: &ScreenProjection, facing: f64,
-        coverage: Coverage, convex: bool, parallax: Option<&Parallax>, scratch: &mut ConvexScratch,
-        shape: &mut ScreenShape
+        coverage: Coverage, convex: bool, scratch: &mut ConvexScratch, shape: &mut ScreenShape
     ) -> ShapeResult;
     draw_mesh = crate::raster::mesh_raster::draw_mesh, (
         mesh: &OccluderTriangles, object: &ObjectProjection, projection: &ScreenProjection, facing: f64,

@@ -108,7 +108,7 @@ impl ZoneScratch {
                 if !cut(&mut a, &mut b, frame, cuts) {
                     continue;
                 }
-                let zone = parallax.zone(&a, &b, &frame.object);
+                let zone = parallax.zone(&a, &b);
                 if !meets(&zone) {
                     continue;
                 }
@@ -138,10 +138,7 @@ impl ZoneScratch {
             // those between any two.
             if let Some((first, others)) = cuts.split_first() {
                 zones.extend(
-                    others
-                        .iter()
-                        .map(|other| parallax.zone(first, other, &frame.object))
-                        .filter(|zone| meets(zone)),
+                    others.iter().map(|other| parallax.zone(first, other)).filter(|zone| meets(zone)),
                 );
             }
         }

@@ -35,15 +35,12 @@
 //! rectangles in which its ends appear. All this needs `w` to be positive from all eyes; geometry is cut at
 //! twice the radius.
 
-use crate::setup::screen_projection::{ObjectProjection, ScreenProjection};
+use crate::setup::screen_projection::ScreenProjection;
 use visibility_core::glam::DVec3;
 
 /// Relative margin for rounding. The columns of a point nearer than twice the radius are not used, so the
 /// leading coefficient of the quadratic equation is at least three quarters of `w^2`, and nothing cancels.
 const ROUNDING: f64 = 1e-9;
-
-/// Pixels by which zones are widened in shapes, beyond the errors of screen coordinates.
-pub(crate) const SHAPE_SLACK_PX: f64 = 1.0 / 1024.0;
 
 /// The ball of eyes, as the projection of its middle sees it.
 #[derive(Clone, Copy, Debug)]
@@ -70,40 +67,29 @@ impl Parallax {
     }
 
     /// Returns where a point appears, given by its `x`, `y` and `w` from the middle of the ball. The ranges
-    /// are unbounded for a point nearer than about twice the radius. `errors` bound those of the coordinates;
-    /// the quotients by `w - W e`, which is at least 0.45 times `w`, are off by at most 2.3 times what the
-    /// quotients by `w` are.
-    fn places(&self, [x, y, w]: [f64; 3], [error_x, error_y, error_w]: [f64; 3]) -> Places {
+    /// are unbounded for a point nearer than twice the radius.
+    pub(crate) fn places(&self, x: f64, y: f64, w: f64) -> Places {
         let [of_x, of_y, of_w] = self.gradients;
         let squared = self.radius * self.radius;
         let leading = w * w - squared * of_w.length_squared();
-        if !(w > 0.0 && leading >= 0.7 * w * w) {
+        if !(w > 0.0 && leading >= 0.5 * w * w) {
             return [f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY];
         }
-        let range = |value: f64, error: f64, gradient: DVec3| {
+        let range = |value: f64, gradient: DVec3| {
             let middle = value * w - squared * gradient.dot(of_w);
             let crossed = gradient.cross(of_w).length_squared();
             let quarter = (gradient * w - of_w * value).length_squared() - squared * crossed;
             let half = self.radius * visibility_core::geometry::sqrt(quarter.max(0.0));
-            let [least, greatest] = [middle - half, middle + half].map(|end| end / leading);
-            let margin = ROUNDING * (value.abs() * w + half) / leading
-                + 4.0 * (error + least.abs().max(greatest.abs()) * error_w) / w;
-            [least - margin, greatest + margin]
+            let margin = ROUNDING * (value.abs() * w + half) / leading;
+            [(middle - half) / leading - margin, (middle + half) / leading + margin]
         };
-        let ([left, right], [above, below]) = (range(x, error_x, of_x), range(y, error_y, of_y));
+        let ([left, right], [above, below]) = (range(x, of_x), range(y, of_y));
         [left, right, above, below]
     }
 
-    /// Returns the zone in which an edge of `object` appears, given by its ends in homogeneous screen
-    /// coordinates.
-    pub(crate) fn zone(&self, a: &[f64; 5], b: &[f64; 5], object: &ObjectProjection) -> EdgeZone {
-        self.zone_between([a, b].map(|&[x, y, w, ..]| [x, y, w]), object)
-    }
-
-    /// As [`zone`](Self::zone), for ends given by `x`, `y` and `w`.
-    pub(crate) fn zone_between(&self, ends: [[f64; 3]; 2], object: &ObjectProjection) -> EdgeZone {
-        let [x, y, w, ..] = object.error;
-        EdgeZone { ends: ends.map(|end| self.places(end, [x, y, w])) }
+    /// Returns the zone in which an edge appears, given by its ends in homogeneous screen coordinates.
+    pub(crate) fn zone(&self, a: &[f64; 5], b: &[f64; 5]) -> EdgeZone {
+        EdgeZone { ends: [a, b].map(|end| self.places(end[0], end[1], end[2])) }
     }
 }
 
@@ -118,36 +104,6 @@ impl EdgeZone {
     pub(crate) fn bounds(&self) -> Places {
         let [a, b] = self.ends;
         [a[0].min(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].max(b[3])]
-    }
-
-    /// Returns a half-plane `a x + b y + c >= 0` that no point of the zone is inside of, for an edge whose
-    /// inner side is the half-plane `inner`. For an outline that is convex on the screen. The zone is widened
-    /// by
-    /// `slack` pixels.
-    pub(crate) fn beside(&self, inner: [f64; 3], slack: f64) -> [f64; 3] {
-        let [a, b, _] = inner;
-        // The corner of each rectangle that is farthest inside.
-        let [p, q] = self.ends.map(|[left, right, above, below]| {
-            [if a > 0.0 { right } else { left }, if b > 0.0 { below } else { above }]
-        });
-        let farthest = |a: f64, b: f64| {
-            let of =
-                |[left, right, above, below]: &Places| (a * left).max(a * right) + (b * above).max(b * below);
-            of(&self.ends[0]).max(of(&self.ends[1]))
-        };
-        // The line through both corners, unless the zone crosses it.
-        let (mut na, mut nb) = (p[1] - q[1], q[0] - p[0]);
-        if na * a + nb * b < 0.0 {
-            (na, nb) = (-na, -nb);
-        }
-        let size = na.abs() + nb.abs();
-        let through = na * p[0] + nb * p[1];
-        let rounding = ROUNDING * (na.abs() * p[0].abs() + nb.abs() * p[1].abs() + size);
-        let crosses = !(farthest(na, nb) <= through + rounding) || size == 0.0;
-        let (na, nb) = if crosses { (a, b) } else { (na, nb) };
-        let outside = farthest(na, nb) + rounding + slack * (na.abs() + nb.abs());
-        // No pixel is inside of a zone without bounds.
-        if outside.is_finite() { [na, nb, -outside] } else { [0.0, 0.0, -1.0] }
     }
 
     /// Returns the least and the greatest column of the zone between the rows `top` and `bottom`, all in

@@ -9,7 +9,6 @@ use super::screen_bounds::{extent, pixels};
 use super::screen_projection::{ScreenProjection, project_object};
 use super::screen_shape::{ScreenExtent, ScreenShape, ShapeResult};
 use crate::coverage::Coverage;
-use crate::raster::parallax::{Parallax, SHAPE_SLACK_PX};
 use crate::vector::{cross, dot};
 use visibility_core::Aabb;
 use visibility_core::glam::Affine3A;
@@ -79,8 +78,7 @@ const fn has_edge(seen: usize, [a, b]: [u8; 2]) -> bool {
 /// `transform` maps to the scene. `known` gives the screen bounds if they are known; then the caller
 /// guarantees that the whole box is in front of the eye. Returns [`ShapeResult::DrawAsMesh`] if the box may
 /// reach the near plane, and [`ShapeResult::Nothing`] if the transform is flat (its determinant may be 0),
-/// the box is outside the buffer or no face is certainly seen. With a `parallax`, the pixels are left out at
-/// which the outline appears from some eye of the ball.
+/// the box is outside the buffer or no face is certainly seen.
 #[inline(always)]
 pub(crate) fn box_shape(
     bounds: &Aabb,
@@ -88,7 +86,6 @@ pub(crate) fn box_shape(
     projection: &ScreenProjection,
     known: Option<&ScreenExtent>,
     coverage: Coverage,
-    parallax: Option<&Parallax>,
     shape: &mut ScreenShape,
 ) -> ShapeResult {
     let Some((object, facing)) = project_object(projection, bounds, transform) else {
@@ -198,12 +195,6 @@ pub(crate) fn box_shape(
         let line = cross(a, b).map(|v| v * facing);
         if !shape.add_edge([line[0], line[1], line[2] - products], projection.size, coverage) {
             return ShapeResult::DrawAsMesh;
-        }
-        if let Some(parallax) = parallax {
-            let zone = parallax.zone_between([a, b], &object);
-            if !shape.add_edge(zone.beside(line, SHAPE_SLACK_PX), projection.size, coverage) {
-                return ShapeResult::DrawAsMesh;
-            }
         }
     }
     ShapeResult::Ready

@@ -13,7 +13,6 @@ use super::screen_bounds::{extent_of, pixels};
 use super::screen_projection::{ObjectProjection, ScreenProjection};
 use super::screen_shape::{ScreenShape, ShapeResult};
 use crate::coverage::Coverage;
-use crate::raster::parallax::{Parallax, SHAPE_SLACK_PX};
 use crate::vector::{Point, cross, dot, less, point};
 use alloc::vec::Vec;
 
@@ -33,10 +32,9 @@ pub(crate) struct ConvexScratch {
 
 /// Replaces `shape` by the screen shape of a mesh. `object` projects the mesh's own coordinates. `facing` is
 /// the sign (1 or -1) of the determinant of the corners of triangles that face the eye. `convex` tells that
-/// the mesh is known to be convex. With a `parallax`, the pixels are left out at which the outline appears
-/// from some eye of the ball. Returns [`ShapeResult::DrawAsMesh`] if the mesh has too many edges or planes
-/// for a shape, or is neither known to be convex nor looks convex. Returns [`ShapeResult::Nothing`] if the
-/// mesh is outside the buffer, or is convex and shows no triangle.
+/// the mesh is known to be convex. Returns [`ShapeResult::DrawAsMesh`] if the mesh has too many edges or
+/// planes for a shape, or is neither known to be convex nor looks convex. Returns [`ShapeResult::Nothing`] if
+/// the mesh is outside the buffer, or is convex and shows no triangle.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 pub(crate) fn convex_shape(
@@ -46,7 +44,6 @@ pub(crate) fn convex_shape(
     facing: f64,
     coverage: Coverage,
     convex: bool,
-    parallax: Option<&Parallax>,
     scratch: &mut ConvexScratch,
     shape: &mut ScreenShape,
 ) -> ShapeResult {
@@ -60,10 +57,6 @@ pub(crate) fn convex_shape(
         corners.push(corner);
     }
     let uncut = nearest > near_limit;
-    // A shape has no zones of cuts.
-    if parallax.is_some() && !uncut {
-        return ShapeResult::DrawAsMesh;
-    }
 
     // Screen bounds of the mesh, unless it comes too close to the plane of the eye.
     let around = if uncut { extent_of(corners, screen, object) } else { None };
@@ -95,9 +88,7 @@ pub(crate) fn convex_shape(
         if choose(mesh, corners, drawn, facing, near_limit, object.determinant_error())
             && (convex || looks_convex(mesh, screen, drawn, facing))
         {
-            return outline(
-                mesh, corners, drawn, object, projection, facing, coverage, parallax, near_limit, shape,
-            );
+            return outline(mesh, corners, drawn, object, projection, facing, coverage, near_limit, shape);
         }
         if !mesh.two_sided {
             break;
@@ -201,7 +192,6 @@ fn outline(
     projection: &ScreenProjection,
     facing: f64,
     coverage: Coverage,
-    parallax: Option<&Parallax>,
     near_limit: f64,
     shape: &mut ScreenShape,
 ) -> ShapeResult {
@@ -209,11 +199,11 @@ fn outline(
     let certain = object.determinant_error();
     let keep = |shape: &mut ScreenShape, a: Point, b: Point| {
         let line = cross(a, b);
-        let inner = [line[0] * facing, line[1] * facing, line[2] * facing - products];
-        let eroded =
-            parallax.map(|parallax| parallax.zone_between([a, b], object).beside(inner, SHAPE_SLACK_PX));
-        let mut add = |line| shape.add_edge(line, projection.size, coverage);
-        add(inner) && eroded.is_none_or(add)
+        shape.add_edge(
+            [line[0] * facing, line[1] * facing, line[2] * facing - products],
+            projection.size,
+            coverage,
+        )
     };
     for edge in mesh.edges {
         let left = drawn[edge.left as usize];
