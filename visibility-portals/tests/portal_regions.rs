@@ -107,7 +107,8 @@ fn too_small_a_ball_or_cone_is_found() {
 fn a_kept_answer_is_dropped_when_a_door_moves() {
     let mut random = Random(7);
     let maze = Maze::new(&mut random, [3, 3, 1], STYLE);
-    let camera = Camera::new(&mut random, maze.to_world(maze.point_in(&mut random, 4)), false);
+    let at = maze.to_world(maze.point_in(&mut random, 4));
+    let camera = Camera::new(&mut random, at, false);
     let cells = Arc::new(RwLock::new(maze.cells.clone()));
     let portals = SharedPortalCuller::new(cells.clone());
     let mut pipeline =
