@@ -167,16 +167,17 @@ pub trait Culler {
     }
 
     /// Removes from `visible` only objects that are hidden from every view of `region`, so that the set is
-    /// good for all of them. On the threads of a job system if `jobs` is given. A culler that has no such
-    /// answer removes nothing, as the default does.
+    /// good for all of them. On the threads of a job system if `jobs` is given. Returns `None`, with
+    /// unspecified content of `visible`, if the culler has no such answer, as the default does: a pipeline
+    /// then culls for the frame's view alone.
     fn cull_region(
         &mut self,
         _jobs: Option<&dyn Jobs>,
-        scene: &Scene,
+        _scene: &Scene,
         _region: &ViewRegion,
-        visible: &mut VisibleSet,
-    ) -> CullStats {
-        CullStats::default().with_visible(visible.count(scene) as u64)
+        _visible: &mut VisibleSet,
+    ) -> Option<CullStats> {
+        None
     }
 
     /// Returns whether the last answer of [`cull_region`](Self::cull_region) still holds as far as the

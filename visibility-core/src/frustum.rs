@@ -83,12 +83,12 @@ impl Culler for FrustumCuller {
         scene: &Scene,
         region: &ViewRegion,
         visible: &mut VisibleSet,
-    ) -> CullStats {
+    ) -> Option<CullStats> {
         let volume = ConvexVolume::new(self.simd, &region.planes(scene.origin()));
-        match jobs {
+        Some(match jobs {
             Some(jobs) => volume.retain_on(jobs, scene, visible),
             None => volume.retain(scene, visible),
-        }
+        })
     }
 }
 

@@ -9,6 +9,10 @@ use crate::stamp::Stamp;
 use crate::view::{Reach, ViewRegion};
 use crate::{Scene, View, VisibleSet};
 
+/// Number of frames that cull for their own view after one in which a stage had no answer for a region: trying
+/// costs up to a frame's work.
+const PAUSE: u8 = 15;
+
 /// The answer of a frame, with all that it depends on.
 pub(crate) struct KeptAnswer {
     /// How far the camera may be from the view of the frame that culled.
@@ -21,12 +25,14 @@ pub(crate) struct KeptAnswer {
     set: Stamp,
     /// Whether the last frame kept the answer.
     is_kept: bool,
+    /// Number of frames until a region is tried again, after a stage that had no answer for one.
+    pause: u8,
 }
 
 impl KeptAnswer {
     /// Makes a place for answers of the given reach, with none in it.
     pub(crate) fn new(reach: Reach) -> Self {
-        Self { reach, region: None, scene: SceneCursor::START, set: Stamp::NONE, is_kept: false }
+        Self { reach, region: None, scene: SceneCursor::START, set: Stamp::NONE, is_kept: false, pause: 0 }
     }
 
     /// Returns whether the last frame kept the answer.
@@ -39,9 +45,14 @@ impl KeptAnswer {
         self.region.as_ref()
     }
 
+    /// Returns the reach of the answers.
+    pub(crate) fn reach(&self) -> Reach {
+        self.reach
+    }
+
     /// Drops the answer.
     pub(crate) fn forget(&mut self) {
-        (self.region, self.is_kept) = (None, false);
+        (self.region, self.is_kept, self.pause) = (None, false, 0);
     }
 
     /// Returns whether the answer, which `visible` must hold, is good for `view` of `scene`, and records
@@ -56,10 +67,25 @@ impl KeptAnswer {
     }
 
     /// Returns the region to cull for in a frame of `view`, after one of the view `before`. `None` to cull for
-    /// this view alone: in the first frame, after a cut, and while the camera is too fast for the reach.
-    pub(crate) fn region_around(&self, view: &View, before: Option<&View>) -> Option<ViewRegion> {
+    /// this view alone: in the first frame, after a cut, while the camera is too fast for the reach, while
+    /// the scene changes from one frame to the next, and for some frames after a stage had no answer.
+    pub(crate) fn region_around(
+        &mut self,
+        scene: &Scene,
+        view: &View,
+        before: Option<&View>,
+    ) -> Option<ViewRegion> {
+        if self.pause > 0 || !self.scene.is_current(scene) {
+            self.pause = self.pause.saturating_sub(1);
+            return None;
+        }
         let region = ViewRegion::around(view, self.reach)?;
         before.is_some_and(|before| region.contains(before)).then_some(region)
+    }
+
+    /// Records that a stage had no answer for a region, so that the frames to come do not try in vain.
+    pub(crate) fn refuse(&mut self) {
+        self.pause = PAUSE;
     }
 
     /// Keeps the answer of a frame that has culled for `region`.

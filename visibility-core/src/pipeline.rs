@@ -130,9 +130,10 @@ impl Pipeline {
     /// An answer is kept only if nothing that it depends on has changed: the scene, the set `visible`, the
     /// layers, window, near and far distance of the view, the stages, and what the stages
     /// [share](Culler::answer_holds) with the engine. A frame culls as without a reach if the camera has
-    /// moved or turned by more than the reach since the frame before, and for views that have [no
-    /// region](ViewRegion::around). Stages without answers for [regions](Culler::cull_region) remove nothing,
-    /// also in a pipeline with other stages.
+    /// moved or turned by more than the reach since the frame before, if the scene has changed since then,
+    /// and for views that have [no region](ViewRegion::around). If a stage has no answer for a
+    /// [region](Culler::cull_region), the frame and the next 15 cull as without a reach: a pipeline with such
+    /// a stage gains nothing.
     ///
     /// What it costs: more objects are reported, since the set holds what any view of the region sees.
     ///
@@ -159,8 +160,11 @@ impl Pipeline {
     }
 
     /// Sets the reach as [`with_reach`](Self::with_reach) does. The next frame culls.
+    /// Does nothing if the reach is the present one.
     pub fn set_reach(&mut self, reach: Option<Reach>) {
-        self.kept = reach.map(KeptAnswer::new);
+        if reach != self.kept.as_ref().map(KeptAnswer::reach) {
+            self.kept = reach.map(KeptAnswer::new);
+        }
     }
 
     /// Returns whether the last frame kept the answer of an earlier one. False without a reach.
@@ -234,6 +238,35 @@ impl Pipeline {
         }
     }
 
+    /// Fills `visible` and lets each stage cull, for a region if one is given. Returns the sum of the counters;
+    /// `None` if a stage has no answer for the region.
+    fn run_stages(
+        &mut self,
+        jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        view: &View,
+        region: Option<&ViewRegion>,
+        visible: &mut VisibleSet,
+    ) -> Option<CullStats> {
+        visible.fill(scene, view);
+        if let Some(removals) = &mut self.removals {
+            removals.begin(scene, visible);
+        }
+        let mut sum = CullStats::default();
+        for (place, (culler, stats)) in self.stages.iter_mut().enumerate() {
+            *stats = match (region, jobs) {
+                (Some(region), _) => culler.cull_region(jobs, scene, region, visible)?,
+                (None, Some(jobs)) => culler.cull_on(jobs, scene, view, visible),
+                (None, None) => culler.cull(scene, view, visible),
+            };
+            sum += *stats;
+            if let Some(removals) = &mut self.removals {
+                removals.after_stage(place, scene, visible);
+            }
+        }
+        Some(sum)
+    }
+
     /// Fills `visible`, lets each stage cull and finishes `visible`, unless the answer of an earlier frame is
     /// kept. Returns the sum of the counters.
     fn run(
@@ -243,7 +276,7 @@ impl Pipeline {
         view: &View,
         visible: &mut VisibleSet,
     ) -> CullStats {
-        let view = self.frozen.as_ref().unwrap_or(view);
+        let view = &self.frozen.unwrap_or(*view);
         let before = self.last.replace(*view);
         let mut region = None;
         if let Some(kept) = &mut self.kept {
@@ -255,24 +288,16 @@ impl Pipeline {
                 visible.repeat(scene);
                 return CullStats::default().with_visible(visible.count(scene) as u64);
             }
-            region = kept.region_around(view, before.as_ref());
+            region = kept.region_around(scene, view, before.as_ref());
         }
-        visible.fill(scene, view);
-        if let Some(removals) = &mut self.removals {
-            removals.begin(scene, visible);
+        let of_region =
+            region.as_ref().and_then(|region| self.run_stages(jobs, scene, view, Some(region), visible));
+        if let (Some(_), None, Some(kept)) = (&region, &of_region, &mut self.kept) {
+            kept.refuse();
+            region = None;
         }
-        let mut sum = CullStats::default();
-        for (place, (culler, stats)) in self.stages.iter_mut().enumerate() {
-            *stats = match (&region, jobs) {
-                (Some(region), _) => culler.cull_region(jobs, scene, region, visible),
-                (None, Some(jobs)) => culler.cull_on(jobs, scene, view, visible),
-                (None, None) => culler.cull(scene, view, visible),
-            };
-            sum += *stats;
-            if let Some(removals) = &mut self.removals {
-                removals.after_stage(place, scene, visible);
-            }
-        }
+        let of_view = || self.run_stages(jobs, scene, view, None, visible);
+        let mut sum = of_region.or_else(of_view).unwrap_or_default();
         visible.finish(scene);
         if let Some(kept) = &mut self.kept {
             kept.keep(region, scene, visible);

@@ -537,21 +537,11 @@ impl Hzb {
         self.layers = view.layers();
         self.pyramid.clear();
         if work > 0.0 && !self.levels.is_empty() {
-            let radius = self.parallax.as_ref().map(Parallax::radius);
             let sides = sides(&self.projection, [0, self.tiles.columns]);
             let frames = self.levels.iter().map(|level| {
                 let is_in_view = level.is_on(view.layers()) && level.is_in_view(&sides, origin);
-                let frame = || {
-                    LevelFrame::new(
-                        view,
-                        level,
-                        self.size,
-                        padded,
-                        self.coverage,
-                        self.min_polygon_area,
-                        radius,
-                    )
-                };
+                let frame =
+                    || LevelFrame::new(view, level, self.size, padded, self.coverage, self.min_polygon_area);
                 is_in_view.then(frame).flatten()
             });
             self.level_frames.clear();
@@ -599,7 +589,8 @@ impl OcclusionMap for Hzb {
     }
 
     /// Draws for a ball of eyes: an occluder covers no pixel at which its outline appears from some eye of
-    /// the ball (`raster/parallax.rs`). `None` for [`Coverage::Sampled`].
+    /// the ball (`raster/parallax.rs`). `None` for [`Coverage::Sampled`], and for a buffer with a
+    /// [level](Hzb::with_level), whose polygons have no such borders.
     fn begin_region(
         &mut self,
         region: &ViewRegion,
@@ -607,7 +598,7 @@ impl OcclusionMap for Hzb {
         work: f32,
         jobs: Option<&dyn Jobs>,
     ) -> Option<f32> {
-        if self.coverage != Coverage::Conservative {
+        if self.coverage != Coverage::Conservative || !self.levels.is_empty() {
             return None;
         }
         let padded = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];

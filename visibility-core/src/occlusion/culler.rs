@@ -81,6 +81,8 @@ pub struct OcclusionCuller<M, H = SceneHierarchy> {
     queue: Queue,
     /// The scene of the last frame, in the state that the map's memory of earlier frames belongs to.
     scene: SceneCursor,
+    /// False once the map or the hierarchy may have been changed since the last answer.
+    answer_holds: bool,
 }
 
 impl<M: OcclusionMap> OcclusionCuller<M> {
@@ -102,6 +104,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
             experience,
             queue,
             scene,
+            answer_holds: false,
         }
     }
 
@@ -134,16 +137,18 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
 
     /// Returns the occlusion map, to change its settings between frames.
     pub fn map_mut(&mut self) -> &mut M {
+        self.answer_holds = false;
         &mut self.map
     }
 
     /// Returns the hierarchy, to bring it up to date with the scene between frames.
     pub fn hierarchy_mut(&mut self) -> &mut H {
+        self.answer_holds = false;
         &mut self.hierarchy
     }
 
     /// Culls, on the threads of a job system if `jobs` is given. With a `region`, `view` is its picture, and
-    /// only what no view of the region sees is removed.
+    /// only what no view of the region sees is removed; `None` if the map has no answers for regions.
     fn cull_with(
         &mut self,
         jobs: Option<&dyn Jobs>,
@@ -151,7 +156,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         view: &View,
         region: Option<&ViewRegion>,
         visible: &mut VisibleSet,
-    ) -> CullStats {
+    ) -> Option<CullStats> {
         if !self.scene.is_in(scene) {
             Culler::reset(self);
         } else if !self.scene.is_current(scene) {
@@ -166,15 +171,12 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         let learns = self.price > 0 && at_once && region.is_none();
         if learns && self.experience.leaves_out(objects, view.clip_from(origin).row(3).truncate()) {
             self.map.begin_within(view, origin, 0.0, jobs);
-            return self.sweep(None, scene, visible, &mut budget, SweepKind::Count);
+            return Some(self.sweep(None, scene, visible, &mut budget, SweepKind::Count));
         }
         let most = budget.for_own_occluders(MIN_BEHIND.max(objects as f32));
         let own = match region {
             None => self.map.begin_within(view, origin, most, jobs),
-            Some(region) => match self.map.begin_region(region, origin, most, jobs) {
-                Some(own) => own,
-                None => return CullStats::default().with_visible(objects as u64),
-            },
+            Some(region) => self.map.begin_region(region, origin, most, jobs)?,
         };
         budget.spend_outside_search(own);
         let mut stats = CullStats::default();
@@ -206,7 +208,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         if learns {
             self.experience.record(&budget, objects.saturating_sub(stats.visible as usize));
         }
-        stats
+        Some(stats)
     }
 
     /// Drops the objects that the map hides, as far as the budget allows, on the threads of a job system if
@@ -266,7 +268,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        self.cull_with(None, scene, view, None, visible)
+        self.cull_with(None, scene, view, None, visible).unwrap_or_default()
     }
 
     fn cull_on(
@@ -276,7 +278,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         view: &View,
         visible: &mut VisibleSet,
     ) -> CullStats {
-        self.cull_with(Some(jobs), scene, view, None, visible)
+        self.cull_with(Some(jobs), scene, view, None, visible).unwrap_or_default()
     }
 
     fn cull_region(
@@ -285,8 +287,15 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         scene: &Scene,
         region: &ViewRegion,
         visible: &mut VisibleSet,
-    ) -> CullStats {
-        self.cull_with(jobs, scene, region.picture(), Some(region), visible)
+    ) -> Option<CullStats> {
+        let stats = self.cull_with(jobs, scene, region.picture(), Some(region), visible)?;
+        self.answer_holds = true;
+        Some(stats)
+    }
+
+    /// Whether nobody has had the map or the hierarchy to change since the last answer for a region.
+    fn answer_holds(&self) -> bool {
+        self.answer_holds
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {

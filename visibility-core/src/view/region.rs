@@ -17,7 +17,8 @@
 //! widened by this angle on each side. Then the sides are moved outwards by `r`, since each eye is within `r`
 //! of `c`. A point of the near plane is `near (X, Y, 1)` in the axes of its own view, with `X^2 + Y^2` at
 //! most some `D^2`, and has at least the depth `near (cos d - D sin d)` in the axes of the first; a point of
-//! the far plane has at most `far (cos d + D sin d)`.
+//! the far plane has at most `far (cos d + D sin d)`, and never more than `far sqrt(1 + D^2)`, at which it lies
+//! straight ahead.
 //!
 //! # The picture
 //! The *picture* is a view from `c` through a window that is wider by a further angle `g`. Its near plane is
@@ -70,8 +71,9 @@ impl Reach {
 /// the view that the region is around: more than the rounding of clip matrices in `f32`.
 const SAME: f64 = 5e-4;
 
-/// Relative size of the margin that is left for such differences and for rounding.
-const SLACK: f64 = 1e-3;
+/// Relative size of the margin that is left for such differences and for rounding: more than [`SAME`], plus
+/// what near and far planes that are tilted by 1e-4 gain at a corner of the widest window, with a tangent of 8.
+const SLACK: f64 = 2e-3;
 
 /// Tangent of the angle by which the window of the [picture](ViewRegion::picture) is wider than that of the
 /// volume. A wider picture has coarser pixels; a narrower one has more boxes near the eye that it does not
@@ -223,7 +225,12 @@ impl ViewRegion {
         let least = near * (cosine - diagonal * sine);
         let depths = [
             if least > 0.0 { least - radius } else { f64::NEG_INFINITY },
-            far * (cosine + diagonal * sine) + radius,
+            // Turned by more than the angle of the corner, the corner comes nearer again.
+            far * if tan_turn < diagonal {
+                cosine + diagonal * sine
+            } else {
+                float::sqrt(1.0 + diagonal * diagonal)
+            } + radius,
         ];
         // Where lines of sight begin: on the near plane of each view.
         let start =

@@ -8,7 +8,6 @@ use super::open_tiles::{BARELY_NEARER, DepthBound, TileKeys};
 use super::prepared::{BoxLanes, NO_EDGE, Polygons, PreparedEdge, PreparedLevel};
 use super::seams::Seams;
 use super::vertices::Vertices;
-use super::zones::ZoneScratch;
 use crate::Coverage;
 use crate::buffer::tile_layout::{Rectangle, SIDE};
 use crate::buffer::tiles::Tiles;
@@ -38,9 +37,6 @@ const POLYGON_WORK: f32 = 5.0;
 
 /// Work of filling one [open tile](super::open_tiles) of a polygon, in triangles.
 const TILE_WORK: f32 = 0.25;
-
-/// Work of one zone in which an edge appears from a ball of eyes, in triangles.
-const ZONE_WORK: f32 = 1.0;
 
 /// A cluster that may be seen.
 #[derive(Clone, Copy, Debug)]
@@ -80,7 +76,6 @@ pub(crate) struct LevelScratch {
     edges: Edges,
     fill: FillScratch,
     clip: ClipScratch,
-    zones: ZoneScratch,
     seams: Seams,
     /// For each level the number of edges in levels before it that are in view.
     first_edges: Vec<u32>,
@@ -112,7 +107,6 @@ pub(crate) fn draw_candidates(
     }
     scratch.seams.begin_frame(edges);
     scratch.work = 0.0;
-    scratch.zones.begin_frame(levels, frames);
     let mut nearest = f32::NEG_INFINITY;
     for &key in candidates.order {
         if scratch.work >= work {
@@ -315,8 +309,7 @@ fn draw_polygon(
     scratch: &mut LevelScratch,
     tiles: &mut Tiles,
 ) -> bool {
-    let LevelScratch { vertices, edges, fill: fill_scratch, clip, zones, seams, far_sides, work, .. } =
-        scratch;
+    let LevelScratch { vertices, edges, fill: fill_scratch, clip, seams, far_sides, work, .. } = scratch;
     let index = candidate.cluster as usize;
     let Some(cluster) = level.level.clusters().get(index) else { return false };
     let polygon = level.level.polygons().get(cluster.polygons[0] as usize + at);
@@ -399,15 +392,6 @@ fn draw_polygon(
     if open == 0 {
         return false;
     }
-    fill_scratch.zones.clear();
-    if let Some(parallax) = &frame.parallax {
-        let index = cluster.polygons[0] as usize + at;
-        let place = (candidate.level as usize, index);
-        if !zones.collect(level, frame, parallax, place, edges.bounds, &mut fill_scratch.zones) {
-            return false;
-        }
-        *work += ZONE_WORK * fill_scratch.zones.len() as f32;
-    }
     let covered = simd.fill(edges, frame.slack, &keys, frame.coverage, fill_scratch, seams, tiles);
     covered | simd.cover_seams(seams, &level.edges[outline], polygon.edges[0], first_edge, tiles)
 }
@@ -431,7 +415,7 @@ fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], 
 /// does not occlude from the side on which the eye is, if the eye is in the slab, or if rays may meet the
 /// slab before the near plane.
 #[inline(always)]
-pub(super) fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
+fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
     let [low, high] = polygon.extent;
     let along = polygon.normal.dot(frame.eye);
     let thickness = high - low;
@@ -454,7 +438,7 @@ pub(super) fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<
 /// Returns 1 if the eye is in front of a polygon's slab (the layer that holds its vertices), -1 if behind it.
 /// `far` is the coordinate along `normal` of the slab's far side.
 #[inline(always)]
-pub(super) fn eye_side(frame: &LevelFrame, normal: DVec3, far: f64) -> f64 {
+fn eye_side(frame: &LevelFrame, normal: DVec3, far: f64) -> f64 {
     let along = normal.dot(frame.eye);
     let front = if frame.perspective { along > far } else { along < 0.0 };
     if front { 1.0 } else { -1.0 }

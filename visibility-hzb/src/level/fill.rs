@@ -10,7 +10,6 @@ use crate::buffer::tile_layout::{SIDE, tiles_of};
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
 use crate::lanes::WIDTH;
-use crate::raster::parallax::EdgeZone;
 use alloc::vec::Vec;
 
 /// Scratch memory of [`fill`].
@@ -21,21 +20,18 @@ pub(crate) struct FillScratch {
     pub(super) open: Vec<u32>,
     /// Edges of the outline that meet the row of tiles being filled.
     row: Vec<RowEdge>,
-    /// Zones of the picture in which edges that end the polygon's surface appear from a ball of eyes. Empty
-    /// for a single eye.
-    pub(super) zones: Vec<EdgeZone>,
 }
 
 /// Covers pixels of [open tiles](super::open_tiles): those whose centres the outline `edges` winds round an
 /// odd number of times, and which, for [`Coverage::Conservative`], are more than `slack` pixels away from all
-/// edges and zones. Adds the polygon of the outline to `seams`. Returns whether a tile may have changed.
+/// edges. Adds the polygon of the outline to `seams`. Returns whether a tile may have changed.
 #[inline(always)]
 pub(crate) fn fill(
     edges: &Edges,
     slack: f32,
     keys: &TileKeys,
     coverage: Coverage,
-    FillScratch { open, row: row_edges, zones }: &mut FillScratch,
+    FillScratch { open, row: row_edges }: &mut FillScratch,
     seams: &mut Seams,
     tiles: &mut Tiles,
 ) -> bool {
@@ -61,10 +57,7 @@ pub(crate) fn fill(
                 let mut open = left_open >> skipped & 0xff;
                 left_open &= !(0xff << skipped);
                 let first = column + skipped;
-                let mut window = Window::new(row_edges, (first * SIDE) as i32, seams);
-                for zone in zones.iter() {
-                    window.add_zone(zone, row, first, slack);
-                }
+                let window = Window::new(row_edges, (first * SIDE) as i32, seams);
                 seams.finish_window(&window.near_two, &window.odd, base + first, open);
                 let (mut covered, mut any, mut all) = (window.odd, 0, u64::MAX);
                 for row in 0..SIDE {

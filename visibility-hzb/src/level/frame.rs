@@ -4,7 +4,6 @@ use super::prepared::PreparedLevel;
 use crate::buffer::tile_layout::SIDE;
 use crate::coverage::Coverage;
 use crate::query::box_projection::ScreenProjection32;
-use crate::raster::parallax::Parallax;
 use crate::rounding::up;
 use crate::setup::screen_projection::{ObjectProjection, ScreenProjection, ScreenRow, U, project_object};
 use visibility_core::glam::{Affine3A, DMat3, DVec3, Vec3};
@@ -83,14 +82,11 @@ pub(crate) struct LevelFrame {
     pub(super) coverage: Coverage,
     /// Columns of tiles that are drawn, half-open: all columns, or those of a band.
     pub(super) columns: [usize; 2],
-    /// The ball of eyes that the frame is drawn for. `None` for the eye of its view alone.
-    pub(super) parallax: Option<Parallax>,
 }
 
 impl LevelFrame {
     /// Prepares a frame of `view`. `picture` is the width and height of the picture in pixels, `size` that of
-    /// the buffer of whole tiles. `radius` is that of the ball of eyes that is drawn for, in metres. `None`
-    /// if the view's numbers are too large or too small to draw anything.
+    /// the buffer of whole tiles. `None` if the view's numbers are too large or too small to draw anything.
     pub(crate) fn new(
         view: &View,
         level: &PreparedLevel,
@@ -98,7 +94,6 @@ impl LevelFrame {
         size: [usize; 2],
         coverage: Coverage,
         min_polygon_area: f32,
-        radius: Option<f64>,
     ) -> Option<Self> {
         let projection = ScreenProjection::new(view, level.origin, picture, size);
         // Error bounds are computed once for the frame, for points in a box that contains every polygon and
@@ -142,7 +137,6 @@ impl LevelFrame {
         Some(Self {
             sides: sides(&projection, columns).map(|side| side.map(|value| value as f32)),
             columns,
-            parallax: radius.map(|radius| Parallax::new(&projection, radius)),
             coverage,
             min_polygon_area,
             projection32: ScreenProjection32::new(&projection),

@@ -81,7 +81,6 @@ mod prepared;
 mod seams;
 mod vertices;
 mod window;
-mod zones;
 
 pub(crate) use bands::LevelRaster;
 pub(crate) use draw::{Candidate, LevelScratch, begin_cluster, find_candidates};

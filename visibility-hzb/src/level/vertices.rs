@@ -90,7 +90,7 @@ mod tests {
         let matrix = DMat4::from_cols(x, y, z, w).transpose();
         let view = View::from_clip_from_world(matrix, Depth::ZeroToOne).unwrap();
         let size = [640, 360];
-        let frame = LevelFrame::new(&view, &level, size, size, Coverage::Conservative, 16.0, None).unwrap();
+        let frame = LevelFrame::new(&view, &level, size, size, Coverage::Conservative, 16.0).unwrap();
         let mut vertices = Vertices::default();
         let mut plain = 0;
         for i in 0..2_000 {

@@ -5,7 +5,6 @@ use super::prepared::NO_EDGE;
 use super::seams::Seams;
 use crate::buffer::tile_layout::SIDE;
 use crate::lanes::{WIDTH, bits, greatest, least, round_to_i32};
-use crate::raster::parallax::EdgeZone;
 use alloc::vec::Vec;
 
 /// Width in pixels of the part of a row of tiles that is filled at once: one bit of a word for each column.
@@ -59,26 +58,6 @@ impl Window {
             }
         }
         window
-    }
-
-    /// Makes the pixels that come within twice the slack of a zone count as near two edges, so that neither
-    /// the polygon nor a seam covers them. The window begins at the tile in column `first` and row `row`.
-    pub(super) fn add_zone(&mut self, zone: &EdgeZone, row: usize, first: usize, slack: f32) {
-        let (top, left, slack) = ((row * SIDE) as f64, (first * SIDE) as f64, 2.0 * f64::from(slack));
-        let [_, _, above, below] = zone.bounds();
-        if below + slack < top || above - slack > top + SIDE as f64 {
-            return;
-        }
-        for (line, (near, near_two)) in self.near.iter_mut().zip(&mut self.near_two).enumerate() {
-            let y = top + line as f64;
-            let Some([from, to]) = zone.columns(y - slack, y + 1.0 + slack) else { continue };
-            // Whole columns of the window, limited to just outside of it.
-            let limit = |column: f64| column.clamp(-1.0, f64::from(WINDOW) + 1.0) as i32;
-            let [from, to] = [limit(from - slack - left - 1.0), limit(to + slack - left + 1.0)];
-            let pixels = bits_from(from) & !bits_from(to + 1);
-            *near |= pixels;
-            *near_two |= pixels;
-        }
     }
 }
 

@@ -113,7 +113,7 @@ impl Culler for PortalCuller {
         scene: &Scene,
         region: &ViewRegion,
         visible: &mut VisibleSet,
-    ) -> CullStats {
+    ) -> Option<CullStats> {
         self.cells.sync(scene);
         self.region_cells = self.cells.stamp();
         self.eye.cull_region(&self.cells, scene, region, visible)

@@ -150,7 +150,8 @@ impl PortalEye {
     }
 
     /// Removes from `visible` the objects that no view of a region can see through open portals. Otherwise
-    /// like [`cull`](Self::cull). Removes nothing if `cells` have mirrors.
+    /// like [`cull`](Self::cull). Returns `None`, and removes nothing, where `cull` would
+    /// [fall back](PortalStats::fallback), and if `cells` have mirrors.
     ///
     /// Each portal narrows the view by planes through its edges that are turned outwards about the edge, by
     /// the angle at which the ball of eyes appears from the edge.
@@ -160,8 +161,9 @@ impl PortalEye {
         scene: &Scene,
         region: &ViewRegion,
         visible: &mut VisibleSet,
-    ) -> CullStats {
-        self.cull_views(cells, scene, Views::Of(region), visible)
+    ) -> Option<CullStats> {
+        let stats = self.cull_views(cells, scene, Views::Of(region), visible);
+        self.stats.fallback.is_none().then_some(stats)
     }
 
     fn cull_views(

@@ -117,14 +117,18 @@ impl Culler for SharedPortalCuller {
         scene: &Scene,
         region: &ViewRegion,
         visible: &mut VisibleSet,
-    ) -> CullStats {
-        let Ok(mut write) = self.cells.write() else {
-            self.region_cells = Stamp::NONE;
-            return visible.retain(scene, |_, _| true);
-        };
+    ) -> Option<CullStats> {
+        let Self { cells, eye, region_cells } = self;
+        if let Ok(read) = cells.read()
+            && read.is_synced(scene)
+        {
+            *region_cells = read.stamp();
+            return eye.cull_region(&read, scene, region, visible);
+        }
+        let mut write = cells.write().ok()?;
         write.sync(scene);
-        self.region_cells = write.stamp();
-        self.eye.cull_region(&write, scene, region, visible)
+        *region_cells = write.stamp();
+        eye.cull_region(&write, scene, region, visible)
     }
 
     /// Whether no door has moved since the last answer, nor anything else of the cells changed.

@@ -11,6 +11,8 @@ use visibility_core::{View, cells::CellId, pvs::ViewcellId};
 #[derive(Clone, Debug, Default)]
 pub(super) struct StartCells {
     touching: Vec<ViewcellId>,
+    /// Cells beyond a face that crosses a ball.
+    beyond: Vec<ViewcellId>,
 }
 
 impl StartCells {
@@ -43,8 +45,9 @@ impl StartCells {
         anchor: DVec3,
         mut each: impl FnMut(CellId),
     ) -> bool {
-        let margin = cells.tolerance + region.start_radius();
-        let covered = cells.viewcells.reached(&[DVec3::ZERO], anchor, margin, &mut self.touching);
+        let Self { touching, beyond } = self;
+        let (radius, error) = (region.start_radius(), cells.tolerance);
+        let covered = cells.viewcells.reached_by_ball(anchor, radius, error, beyond, touching);
         self.touching.iter().for_each(|&viewcell| each(CellId(viewcell.0)));
         covered
     }
