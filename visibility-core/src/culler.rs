@@ -1,5 +1,6 @@
 //! The [`Culler`] trait that all per-view cullers implement, and the accuracy classes that they state.
 
+use crate::view::ViewRegion;
 use crate::{CullStats, Scene, View, VisibleSet, jobs::Jobs};
 
 /// What a culler guarantees about the set of objects that it leaves. The reference is V, the set of objects
@@ -165,6 +166,28 @@ pub trait Culler {
         visible: &mut VisibleSet,
     ) -> CullStats {
         self.cull(scene, view, visible)
+    }
+
+    /// Removes from `visible` only objects that are hidden from every view of `region`, so that the set is
+    /// good for all of them. On the threads of a job system if `jobs` is given. Returns `None`, with
+    /// unspecified content of `visible`, if the culler has no such answer, as the default does: a pipeline
+    /// then culls for the frame's view alone.
+    fn cull_region(
+        &mut self,
+        _jobs: Option<&dyn Jobs>,
+        _scene: &Scene,
+        _region: &ViewRegion,
+        _visible: &mut VisibleSet,
+    ) -> Option<CullStats> {
+        None
+    }
+
+    /// Returns whether the last answer of [`cull_region`](Self::cull_region) still holds as far as the
+    /// culler's own sources go: false if something else than the scene has changed since, such as a door or
+    /// an occluder that the culler shares with the engine. True by default. A culler that wraps another must
+    /// return the answer of the wrapped culler.
+    fn answer_holds(&self) -> bool {
+        true
     }
 
     /// Calls `each` for everything that keeps the culler from hiding objects of `scene` as it could: input

@@ -14,6 +14,7 @@ use crate::{
     Accuracy, CullStats, Culler, Scene, View, VisibleSet,
     jobs::Jobs,
     simd::{Kernels, Simd},
+    view::ViewRegion,
 };
 
 /// Removes the objects whose bounds are outside at least one plane of the view, clip planes included.
@@ -74,6 +75,20 @@ impl Culler for FrustumCuller {
     ) -> CullStats {
         let volume = ConvexVolume::new(self.simd, view.planes(scene.origin()).as_slice());
         volume.retain_on(jobs, scene, visible)
+    }
+
+    fn cull_region(
+        &mut self,
+        jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        region: &ViewRegion,
+        visible: &mut VisibleSet,
+    ) -> Option<CullStats> {
+        let volume = ConvexVolume::new(self.simd, &region.planes(scene.origin()));
+        Some(match jobs {
+            Some(jobs) => volume.retain_on(jobs, scene, visible),
+            None => volume.retain(scene, visible),
+        })
     }
 }
 

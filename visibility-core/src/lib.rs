@@ -54,6 +54,7 @@ mod float;
 pub mod frustum;
 pub mod geometry;
 pub mod jobs;
+mod kept_answer;
 pub mod level_version;
 pub mod occlusion;
 pub mod pipeline;

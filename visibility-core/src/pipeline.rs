@@ -1,5 +1,7 @@
 //! Runs the cullers of one view in sequence, with tools that show which culler removed an object.
 
+use crate::kept_answer::KeptAnswer;
+use crate::view::{Reach, ViewRegion};
 use crate::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet, culler::Lack, jobs::Jobs};
 use alloc::{boxed::Box, vec::Vec};
 
@@ -33,6 +35,8 @@ pub struct Pipeline {
     frozen: Option<View>,
     /// Which stage removed each object of the last frame; `None` unless the pipeline is explaining.
     removals: Option<Removals>,
+    /// The answer that later frames may keep; `None` without a reach.
+    kept: Option<KeptAnswer>,
 }
 
 /// Why an object is, or is not, in the visible set of the last frame of a [`Pipeline`].
@@ -119,9 +123,64 @@ impl Pipeline {
         self
     }
 
+    /// Makes each answer good for a while: it is made for all views within `reach` of the frame's view, and
+    /// frames whose view is within that reach keep it and do no work. [`Reach::new(0.0, 0.0)`](Reach::new)
+    /// keeps answers while the camera stands still; `None`, the default, culls in every frame.
+    ///
+    /// An answer is kept only if nothing that it depends on has changed: the scene, the set `visible`, the
+    /// layers, window, near and far distance of the view, the stages, and what the stages
+    /// [share](Culler::answer_holds) with the engine. A frame culls as without a reach if the camera has
+    /// moved or turned by more than the reach since the frame before, if the scene has changed since then,
+    /// and for views that have [no region](ViewRegion::around). If a stage has no answer for a
+    /// [region](Culler::cull_region), the frame and the next 15 cull as without a reach: a pipeline with such
+    /// a stage gains nothing.
+    ///
+    /// What it costs: more objects are reported, since the set holds what any view of the region sees.
+    ///
+    /// ```
+    /// use visibility_core::{FrustumCuller, Pipeline, view::Reach};
+    /// # use visibility_core::{glam::DVec3, Pose, Scene, View, VisibleSet};
+    /// # let (scene, mut visible) = (Scene::new(), VisibleSet::new());
+    /// let reach = Reach::new(0.15, 9f64.to_radians());
+    /// let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with_reach(Some(reach));
+    /// for frame in 0..5 {
+    ///     let eye = DVec3::X * (0.023 * f64::from(frame));
+    ///     let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+    ///     let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY)?;
+    ///     pipeline.cull(&scene, &view, &mut visible);
+    ///     // The first frame knows nothing of the camera's speed.
+    ///     assert_eq!(pipeline.is_kept(), frame > 1);
+    /// }
+    /// # Ok::<(), visibility_core::view::ViewError>(())
+    /// ```
+    #[must_use]
+    pub fn with_reach(mut self, reach: Option<Reach>) -> Self {
+        self.set_reach(reach);
+        self
+    }
+
+    /// Sets the reach as [`with_reach`](Self::with_reach) does. The next frame culls.
+    /// Does nothing if the reach is the present one.
+    pub fn set_reach(&mut self, reach: Option<Reach>) {
+        if reach != self.kept.as_ref().map(KeptAnswer::reach) {
+            self.kept = reach.map(KeptAnswer::new);
+        }
+    }
+
+    /// Returns whether the last frame kept the answer of an earlier one. False without a reach.
+    pub fn is_kept(&self) -> bool {
+        self.kept.as_ref().is_some_and(KeptAnswer::is_kept)
+    }
+
+    /// Returns the region that the present answer is good for; `None` if it is good for one view alone.
+    pub fn region(&self) -> Option<&ViewRegion> {
+        self.kept.as_ref()?.region()
+    }
+
     /// Appends a culler as the last stage.
     pub fn push(&mut self, culler: Box<dyn Culler + Send + Sync>) {
         self.stages.push((culler, CullStats::default()));
+        self.forget_answer();
     }
 
     /// Returns the accuracy of all stages in sequence; conservative without stages, since every object on the
@@ -136,7 +195,7 @@ impl Pipeline {
     ///
     /// Returns the sum of the stages' work counters; its `visible` is the number of objects left.
     pub fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        self.run(scene, view, visible, |culler, view, visible| culler.cull(scene, view, visible))
+        self.run(None, scene, view, visible)
     }
 
     /// Culls like [`cull`](Self::cull), on the threads of the engine's own [job system](Jobs). The answer is
@@ -169,32 +228,80 @@ impl Pipeline {
         view: &View,
         visible: &mut VisibleSet,
     ) -> CullStats {
-        self.run(scene, view, visible, |culler, view, visible| culler.cull_on(jobs, scene, view, visible))
+        self.run(Some(jobs), scene, view, visible)
     }
 
-    /// Fills `visible`, calls `cull` for each stage and finishes `visible`. Returns the sum of the counters.
-    fn run(
+    /// Makes the next frame cull.
+    fn forget_answer(&mut self) {
+        if let Some(kept) = &mut self.kept {
+            kept.forget();
+        }
+    }
+
+    /// Fills `visible` and lets each stage cull, for a region if one is given. Returns the sum of the counters;
+    /// `None` if a stage has no answer for the region.
+    fn run_stages(
         &mut self,
+        jobs: Option<&dyn Jobs>,
         scene: &Scene,
         view: &View,
+        region: Option<&ViewRegion>,
         visible: &mut VisibleSet,
-        mut cull: impl FnMut(&mut dyn Culler, &View, &mut VisibleSet) -> CullStats,
-    ) -> CullStats {
-        let view = self.frozen.as_ref().unwrap_or(view);
-        self.last = Some(*view);
+    ) -> Option<CullStats> {
         visible.fill(scene, view);
         if let Some(removals) = &mut self.removals {
             removals.begin(scene, visible);
         }
         let mut sum = CullStats::default();
         for (place, (culler, stats)) in self.stages.iter_mut().enumerate() {
-            *stats = cull(culler.as_mut(), view, visible);
+            *stats = match (region, jobs) {
+                (Some(region), _) => culler.cull_region(jobs, scene, region, visible)?,
+                (None, Some(jobs)) => culler.cull_on(jobs, scene, view, visible),
+                (None, None) => culler.cull(scene, view, visible),
+            };
             sum += *stats;
             if let Some(removals) = &mut self.removals {
                 removals.after_stage(place, scene, visible);
             }
         }
+        Some(sum)
+    }
+
+    /// Fills `visible`, lets each stage cull and finishes `visible`, unless the answer of an earlier frame is
+    /// kept. Returns the sum of the counters.
+    fn run(
+        &mut self,
+        jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        view: &View,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
+        let view = &self.frozen.unwrap_or(*view);
+        let before = self.last.replace(*view);
+        let mut region = None;
+        if let Some(kept) = &mut self.kept {
+            let holds = self.stages.iter().all(|(culler, _)| culler.answer_holds());
+            if kept.holds(holds, scene, view, visible) {
+                for (_, stats) in &mut self.stages {
+                    *stats = CullStats::default().with_visible(stats.visible);
+                }
+                visible.repeat(scene);
+                return CullStats::default().with_visible(visible.count(scene) as u64);
+            }
+            region = kept.region_around(scene, view, before.as_ref());
+        }
+        let of_region =
+            region.as_ref().and_then(|region| self.run_stages(jobs, scene, view, Some(region), visible));
+        if let (Some(_), None, Some(kept)) = (&region, &of_region, &mut self.kept) {
+            kept.refuse();
+            region = None;
+        }
+        let of_view = || self.run_stages(jobs, scene, view, None, visible);
+        let mut sum = of_region.or_else(of_view).unwrap_or_default();
         visible.finish(scene);
+        if let Some(kept) = &mut self.kept {
+            kept.keep(region, scene, visible);
+        }
         if self.stages.is_empty() {
             sum.visible = visible.count(scene) as u64;
         }
@@ -245,6 +352,7 @@ impl Pipeline {
         for (culler, _) in &mut self.stages {
             culler.reset();
         }
+        self.forget_answer();
     }
 
     /// Starts (`true`) or stops (`false`) recording which stage removes which object; takes effect with the
@@ -252,6 +360,7 @@ impl Pipeline {
     /// proportion to the number of objects of the scene.
     pub fn set_explaining(&mut self, explaining: bool) {
         self.removals = explaining.then(Removals::default);
+        self.forget_answer();
     }
 
     /// Returns why an object was, or was not, in the visible set of the last frame. [`Explanation::Unknown`]

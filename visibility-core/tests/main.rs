@@ -27,6 +27,7 @@ mod sight_start;
 mod skinned_bounds;
 mod swapped_sources;
 mod transforms;
+mod view_regions;
 mod visible_set;
 mod walk;
 mod who_sees;

@@ -14,6 +14,7 @@ use crate::query::box_query::test_box;
 use crate::query::box_queue::BoxQueue;
 use crate::raster::contour_raster::ContourTiles;
 use crate::raster::mesh_raster::MeshScratch;
+use crate::raster::parallax::Parallax;
 use crate::setup::box_join::BoxJoin;
 use crate::setup::convex_shape::ConvexScratch;
 use crate::setup::occluder_triangles::OccluderTriangles;
@@ -24,12 +25,12 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::jobs::Jobs;
-use visibility_core::view::ViewPlanes;
+use visibility_core::view::{PictureMargin, ViewPlanes, ViewRegion};
 use visibility_core::{
     Aabb, Accuracy, ObjectId, OccluderMesh, OcclusionMap, Scene, View,
     culler::Lack,
     occlusion::{Occlusion, Occlusion64, occluders_with_seams},
-    scene::Boxes64,
+    scene::{Boxes64, lanes},
     simd::Simd,
 };
 use visibility_occluders::LevelOccluders;
@@ -135,6 +136,10 @@ pub struct Hzb {
     level_frames: Vec<Option<LevelFrame>>,
     /// Scratch memory and bands for drawing `levels`.
     level_raster: LevelRaster,
+    /// The ball of eyes that the frame's answers are to hold for. `None` for the eye of its view alone.
+    parallax: Option<Parallax>,
+    /// Space that the views of a region see outside the picture. `None` for a single view.
+    margin: Option<PictureMargin>,
 }
 
 impl Default for Hzb {
@@ -186,6 +191,8 @@ impl Hzb {
             min_polygon_area: MIN_POLYGON_AREA,
             level_frames: Vec::new(),
             level_raster: LevelRaster::default(),
+            parallax: None,
+            margin: None,
         }
     }
 
@@ -442,6 +449,10 @@ impl Hzb {
         extent: Option<&ScreenExtent>,
         two_sided: bool,
     ) {
+        if self.parallax.is_some() {
+            let corners = bounds.corners();
+            return self.draw_mesh(&OccluderTriangles::of_box(&corners, two_sided), bounds, transform, true);
+        }
         match self.simd.box_shape(bounds, transform, &self.projection, extent, self.coverage, &mut self.shape)
         {
             ShapeResult::Ready => self.fill(),
@@ -462,7 +473,9 @@ impl Hzb {
         // Filling a convex outline is cheaper than filling a contour. The test whether a mesh looks convex
         // compares every edge with every vertex, so it pays for few triangles only.
         let convex = convex || mesh.triangles.len() == 1;
-        if convex || mesh.triangles.len() <= MAX_OUTLINE_TRIANGLES {
+        // A shape has no place for the parallax of its outline.
+        let has_shape = self.parallax.is_none();
+        if has_shape && (convex || mesh.triangles.len() <= MAX_OUTLINE_TRIANGLES) {
             match self.simd.convex_shape(
                 mesh,
                 &object,
@@ -490,6 +503,7 @@ impl Hzb {
             projection,
             facing,
             coverage,
+            self.parallax.as_ref(),
             mesh_scratch,
             contour_tiles,
             tiles,
@@ -506,25 +520,10 @@ impl Hzb {
             self.nearest = self.shape.ceiling;
         }
     }
-}
 
-impl OcclusionMap for Hzb {
-    fn name(&self) -> &str {
-        "hzb"
-    }
-
-    fn accuracy(&self) -> Accuracy {
-        match self.coverage {
-            Coverage::Conservative => Accuracy::Conservative,
-            Coverage::Sampled => Accuracy::Approximate,
-        }
-    }
-
-    fn begin(&mut self, view: &View, origin: DVec3) {
-        self.begin_within(view, origin, f32::INFINITY, None);
-    }
-
-    fn begin_within(&mut self, view: &View, origin: DVec3, work: f32, jobs: Option<&dyn Jobs>) -> f32 {
+    /// Empties the buffer for a frame of `view`, and draws the levels, as
+    /// [`begin_within`](OcclusionMap::begin_within) does.
+    fn begin_frame(&mut self, view: &View, origin: DVec3, work: f32, jobs: Option<&dyn Jobs>) -> f32 {
         let padded = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
         self.projection = ScreenProjection::new(view, origin, self.size, padded);
         self.projection32 = ScreenProjection32::new(&self.projection);
@@ -555,6 +554,58 @@ impl OcclusionMap for Hzb {
             return spent;
         }
         0.0
+    }
+
+    /// Takes back that boxes are hidden which a view of the frame's region may see outside the picture.
+    fn reveal_beside_picture(&self, boxes: &Boxes64, mut answer: Occlusion64) -> Occlusion64 {
+        if let Some(margin) = &self.margin {
+            for lane in lanes(answer.hidden) {
+                answer.hidden &= !(u64::from(margin.may_meet(&boxes.get(lane))) << lane);
+            }
+        }
+        answer
+    }
+}
+
+impl OcclusionMap for Hzb {
+    fn name(&self) -> &str {
+        "hzb"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        match self.coverage {
+            Coverage::Conservative => Accuracy::Conservative,
+            Coverage::Sampled => Accuracy::Approximate,
+        }
+    }
+
+    fn begin(&mut self, view: &View, origin: DVec3) {
+        self.begin_within(view, origin, f32::INFINITY, None);
+    }
+
+    fn begin_within(&mut self, view: &View, origin: DVec3, work: f32, jobs: Option<&dyn Jobs>) -> f32 {
+        (self.parallax, self.margin) = (None, None);
+        self.begin_frame(view, origin, work, jobs)
+    }
+
+    /// Draws for a ball of eyes: an occluder covers no pixel at which its outline appears from some eye of
+    /// the ball (`raster/parallax.rs`). `None` for [`Coverage::Sampled`], and for a buffer with a
+    /// [level](Hzb::with_level), whose polygons have no such borders.
+    fn begin_region(
+        &mut self,
+        region: &ViewRegion,
+        origin: DVec3,
+        work: f32,
+        jobs: Option<&dyn Jobs>,
+    ) -> Option<f32> {
+        if self.coverage != Coverage::Conservative || !self.levels.is_empty() {
+            return None;
+        }
+        let padded = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
+        let projection = ScreenProjection::new(region.picture(), origin, self.size, padded);
+        self.parallax = Some(Parallax::new(&projection, region.radius()));
+        self.margin = Some(region.margin(origin));
+        Some(self.begin_frame(region.picture(), origin, work, jobs))
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
@@ -602,6 +653,9 @@ impl OcclusionMap for Hzb {
         let ([x0, y0, z0], [x1, y1, z1]) = (bounds.min.to_array(), bounds.max.to_array());
         let answer = test_box(&self.query(), [x0, y0, z0, x1, y1, z1]);
         match (answer.hidden, answer.visible) {
+            (1.., _) if self.margin.as_ref().is_some_and(|margin| margin.may_meet(bounds)) => {
+                Occlusion::Partial
+            }
             (0, 0) => Occlusion::Partial,
             (0, _) => Occlusion::Visible,
             _ => Occlusion::Hidden,
@@ -609,7 +663,8 @@ impl OcclusionMap for Hzb {
     }
 
     fn test_64(&self, boxes: &Boxes64, candidates: u64) -> Occlusion64 {
-        self.simd.test_boxes(&self.query(), boxes.coordinates(), candidates)
+        let answer = self.simd.test_boxes(&self.query(), boxes.coordinates(), candidates);
+        self.reveal_beside_picture(boxes, answer)
     }
 
     fn shared(&self) -> Option<&(dyn OcclusionMap + Sync)> {

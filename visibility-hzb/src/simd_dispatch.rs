@@ -22,6 +22,7 @@ use crate::query::box_projection::{ProjectedBoxes, ScreenProjection32};
 use crate::query::box_query::Boxes;
 use crate::raster::contour_raster::ContourTiles;
 use crate::raster::mesh_raster::MeshScratch;
+use crate::raster::parallax::Parallax;
 use crate::setup::convex_shape::ConvexScratch;
 use crate::setup::occluder_triangles::OccluderTriangles;
 use crate::setup::screen_projection::{ObjectProjection, ScreenProjection};
@@ -94,7 +95,8 @@ compiled! {
     ) -> ShapeResult;
     draw_mesh = crate::raster::mesh_raster::draw_mesh, (
         mesh: &OccluderTriangles, object: &ObjectProjection, projection: &ScreenProjection, facing: f64,
-        coverage: Coverage, scratch: &mut MeshScratch, contour_tiles: &mut ContourTiles, tiles: &mut Tiles
+        coverage: Coverage, parallax: Option<&Parallax>, scratch: &mut MeshScratch,
+        contour_tiles: &mut ContourTiles, tiles: &mut Tiles
     ) -> f32;
     find_candidates = crate::level::find_candidates,
         (index: u32, level: &PreparedLevel, frame: &LevelFrame, candidates: &mut Vec<Candidate>) -> usize;

@@ -16,6 +16,7 @@ mod own_mesh;
 mod panels;
 mod pyramid;
 mod rays;
+mod region;
 mod sectors;
 mod sheets;
 mod swapped_sources;

@@ -12,6 +12,7 @@ mod portal_frames;
 mod portal_margins;
 mod portal_mirrors;
 mod portal_rays;
+mod portal_regions;
 mod portal_winding;
 mod resumed_bakes;
 mod room_row;

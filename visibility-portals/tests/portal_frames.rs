@@ -11,7 +11,7 @@ use visibility_core::{
     cells::{CellGraph, CellId, PortalId},
     geometry::{ConvexPolygon, Plane},
     pvs::{Pvs, PvsTargets, Viewcell, Viewcells},
-    view::Window,
+    view::{Reach, ViewRegion, Window},
 };
 use visibility_portals::{
     BakerSettings, CellBaker, CellMatrix, NotCulled, Passage, PortalCuller, PortalEye, SceneCells,
@@ -155,6 +155,34 @@ fn eyes_outside_and_views_that_begin_outside_fall_back_and_say_so() {
     // Objects beyond the far plane are not seen.
     let short = View::orthographic(pose, Window::centered(1.2, 0.9), 0.0, 3.0).unwrap();
     assert_eq!(seen(&mut eye, &cells, &scene, &short), [0], "a parallel view that ends after 3 m");
+}
+
+/// A ball of eyes that reaches out of the cells has no answer. One that reaches through a portal into the next
+/// cell, or along a wall that it does not touch, has one.
+#[test]
+fn balls_that_reach_out_of_the_cells_have_no_answer() {
+    let (mut cells, scene, _) = row(3);
+    cells.set_open(PortalId(0), false).unwrap();
+    let mut eye = PortalEye::new();
+    let mut answer = |from: DVec3| {
+        let pose = Pose::look_at(from, DVec3::new(20.0, 2.0, 1.0), DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.5, 0.1, 100.0).unwrap();
+        let region = ViewRegion::around(&view, Reach::new(0.1, 0.1)).unwrap();
+        let mut set = VisibleSet::new();
+        set.fill(&scene, &view);
+        eye.cull_region(&cells, &scene, &region, &mut set).map(|stats| stats.visible)
+    };
+    for (from, expected) in [
+        (DVec3::new(1.0, 2.0, 1.0), Some(1)),
+        (DVec3::new(1.0, 3.7, 1.0), Some(1)),
+        (DVec3::new(1.0, 3.9, 1.0), None),
+        (DVec3::new(1.0, 3.999, 1.0), None),
+        (DVec3::new(1.0, 4.15, 1.0), None),
+        (DVec3::new(3.95, 2.0, 1.0), Some(3)),
+        (DVec3::new(3.95, 3.9, 1.0), None),
+    ] {
+        assert_eq!(answer(from), expected, "{from}: objects seen");
+    }
 }
 
 #[test]

@@ -13,6 +13,7 @@ use crate::culler::Lack;
 use crate::jobs::Jobs;
 use crate::scene::lanes;
 use crate::stamp::Stamp;
+use crate::view::ViewRegion;
 use crate::walk::{Block, BoxHierarchy, Child, IsOfScene, NodeTest, SceneHierarchy, Walk, retain_on};
 use crate::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, scene::SceneCursor};
 
@@ -83,6 +84,8 @@ pub struct OcclusionCuller<M, H = SceneHierarchy> {
     scene: SceneCursor,
     /// Layout of the scene and hash of the incoming set in the last frame, for a map with delayed answers.
     candidates: Option<(Stamp, u64)>,
+    /// False once the map or the hierarchy may have been changed since the last answer.
+    answer_holds: bool,
 }
 
 impl<M: OcclusionMap> OcclusionCuller<M> {
@@ -105,6 +108,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
             queue,
             scene,
             candidates: None,
+            answer_holds: false,
         }
     }
 
@@ -137,22 +141,26 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
 
     /// Returns the occlusion map, to change its settings between frames.
     pub fn map_mut(&mut self) -> &mut M {
+        self.answer_holds = false;
         &mut self.map
     }
 
     /// Returns the hierarchy, to bring it up to date with the scene between frames.
     pub fn hierarchy_mut(&mut self) -> &mut H {
+        self.answer_holds = false;
         &mut self.hierarchy
     }
 
-    /// Culls, on the threads of a job system if `jobs` is given.
+    /// Culls, on the threads of a job system if `jobs` is given. With a `region`, `view` is its picture, and
+    /// only what no view of the region sees is removed; `None` if the map has no answers for regions.
     fn cull_with(
         &mut self,
         jobs: Option<&dyn Jobs>,
         scene: &Scene,
         view: &View,
+        region: Option<&ViewRegion>,
         visible: &mut VisibleSet,
-    ) -> CullStats {
+    ) -> Option<CullStats> {
         if !self.scene.is_in(scene) {
             Culler::reset(self);
         } else if !self.scene.is_current(scene) {
@@ -163,13 +171,17 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         let mut budget = Budget::new(self.price, self.work_limit);
         // A map with delayed answers, as from a graphics card, must be tested in every frame.
         let at_once = self.map.answers_at_once();
-        let learns = self.price > 0 && at_once;
+        // What a region costs and hides says little of single views.
+        let learns = self.price > 0 && at_once && region.is_none();
         if learns && self.experience.leaves_out(objects, view.clip_from(origin).row(3).truncate()) {
             self.map.begin_within(view, origin, 0.0, jobs);
-            return self.sweep(None, scene, visible, &mut budget, SweepKind::Count);
+            return Some(self.sweep(None, scene, visible, &mut budget, SweepKind::Count));
         }
         let most = budget.for_own_occluders(MIN_BEHIND.max(objects as f32));
-        let own = self.map.begin_within(view, origin, most, jobs);
+        let own = match region {
+            None => self.map.begin_within(view, origin, most, jobs),
+            Some(region) => self.map.begin_region(region, origin, most, jobs)?,
+        };
         budget.spend_outside_search(own);
         if !at_once {
             let candidates = Some((scene.layout(), visible.fingerprint(scene).value()));
@@ -206,7 +218,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         if learns {
             self.experience.record(&budget, objects.saturating_sub(stats.visible as usize));
         }
-        stats
+        Some(stats)
     }
 
     /// Drops the objects that the map hides, as far as the budget allows, on the threads of a job system if
@@ -270,7 +282,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        self.cull_with(None, scene, view, visible)
+        self.cull_with(None, scene, view, None, visible).unwrap_or_default()
     }
 
     fn cull_on(
@@ -280,7 +292,24 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         view: &View,
         visible: &mut VisibleSet,
     ) -> CullStats {
-        self.cull_with(Some(jobs), scene, view, visible)
+        self.cull_with(Some(jobs), scene, view, None, visible).unwrap_or_default()
+    }
+
+    fn cull_region(
+        &mut self,
+        jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        region: &ViewRegion,
+        visible: &mut VisibleSet,
+    ) -> Option<CullStats> {
+        let stats = self.cull_with(jobs, scene, region.picture(), Some(region), visible)?;
+        self.answer_holds = true;
+        Some(stats)
+    }
+
+    /// Whether nobody has had the map or the hierarchy to change since the last answer for a region.
+    fn answer_holds(&self) -> bool {
+        self.answer_holds
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {

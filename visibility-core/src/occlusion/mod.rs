@@ -24,7 +24,7 @@ pub use queries::{HardwareQueries, LateAnswers, QueryDevice};
 pub use seams::occluders_with_seams;
 
 use crate::scene::{Boxes64, lanes};
-use crate::{Aabb, Accuracy, ObjectId, Scene, View, culler::Lack, jobs::Jobs};
+use crate::{Aabb, Accuracy, ObjectId, Scene, View, culler::Lack, jobs::Jobs, view::ViewRegion};
 use glam::{Affine3A, DVec3};
 
 /// Result of testing a box against an occlusion map.
@@ -121,6 +121,21 @@ pub trait OcclusionMap {
     fn begin_within(&mut self, view: &View, origin: DVec3, _work: f32, _jobs: Option<&dyn Jobs>) -> f32 {
         self.begin(view, origin);
         0.0
+    }
+
+    /// Empties the map for a frame whose answers are to hold for all views of `region`: a box is then
+    /// [`Occlusion::Hidden`] only if no view of the region can see any part of it. Otherwise like
+    /// [`begin_within`](Self::begin_within). Returns `None` if the map has no such answers, as the default
+    /// does; its content is then unspecified until the next frame begins. A map that wraps another passes the
+    /// call on.
+    fn begin_region(
+        &mut self,
+        _region: &ViewRegion,
+        _origin: DVec3,
+        _work: f32,
+        _jobs: Option<&dyn Jobs>,
+    ) -> Option<f32> {
+        None
     }
 
     /// Adds an occluder to the map. `transform` takes mesh coordinates to scene-relative coordinates. Under a

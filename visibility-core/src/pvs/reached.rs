@@ -5,7 +5,7 @@
 //! polygon is outside all viewcells, the PVS says nothing about that part.
 
 use super::{Viewcell, Viewcells};
-use crate::geometry::{Corners, clip_outward};
+use crate::geometry::{Corners, Plane, clip_outward};
 use crate::pvs::ViewcellId;
 use alloc::vec::Vec;
 use glam::DVec3;
@@ -73,6 +73,54 @@ impl Viewcells {
             !left.is_empty()
         });
         is_covered(corners, reached, all, anchor, margin)
+    }
+
+    /// Replaces the content of `reached` by the viewcells that the ball of the given radius, in metres, around
+    /// `anchor` may reach into. Returns true if these viewcells cover the ball, except for gaps of about the
+    /// margin of [`reached`](Self::reached), for the same `error` in metres. `scratch` is memory for the test.
+    ///
+    /// The ball is covered if its middle is, and if beyond each face that crosses it there is a viewcell. The
+    /// cube around the ball stands for the ball in this test.
+    pub fn reached_by_ball(
+        &self,
+        anchor: DVec3,
+        radius: f64,
+        error: f64,
+        scratch: &mut Vec<ViewcellId>,
+        reached: &mut Vec<ViewcellId>,
+    ) -> bool {
+        let middle = [DVec3::ZERO];
+        self.reached(&middle, anchor, error + radius, reached);
+        if !self.reached(&middle, anchor, error, scratch) {
+            return false;
+        }
+        let margin = error + self.misplacement() + ROUNDING * (radius + anchor.abs().max_element());
+        reached.iter().all(|cell| {
+            let cell = &self.cells()[cell.index()];
+            cell.has_all_faces()
+                && cell.faces(anchor).enumerate().all(|(number, face)| {
+                    if !(face.offset.abs() < radius + margin) {
+                        return face.offset.is_finite();
+                    }
+                    let u = face.normal.any_orthonormal_vector() * (2.0 * radius);
+                    let v = face.normal.cross(u);
+                    let at = face.normal * -face.offset;
+                    let mut polygon = Corners::from_slice(&[at - u - v, at + u - v, at + u + v, at - u + v]);
+                    for (other, plane) in cell.faces(anchor).enumerate() {
+                        if other != number {
+                            polygon = clip_outward(&polygon, &plane, margin);
+                        }
+                    }
+                    for axis in DVec3::AXES {
+                        for normal in [axis, -axis] {
+                            polygon = clip_outward(&polygon, &Plane::new(normal, radius), margin);
+                        }
+                    }
+                    // Moved out of the viewcell by more than its own margin, so that another must be there.
+                    polygon.iter_mut().for_each(|corner| *corner -= face.normal * (4.0 * margin));
+                    polygon.is_empty() || self.reached(&polygon, anchor, error, scratch)
+                })
+        })
     }
 }
 

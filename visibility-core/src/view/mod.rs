@@ -20,6 +20,7 @@ mod eye;
 mod limits;
 mod planes;
 mod projection_rounding;
+mod region;
 mod sight_start;
 
 pub use camera::{Pose, Window};
@@ -30,6 +31,7 @@ pub use eye::Eye;
 pub use limits::{MAX_CLIP_PLANES, MAX_PLANES};
 pub use planes::{ViewPlane, ViewPlanes};
 pub use projection_rounding::{ClipRow, ViewProjection};
+pub use region::{PictureMargin, Reach, ViewRegion};
 
 use crate::geometry::Plane;
 use eye::eye_of;

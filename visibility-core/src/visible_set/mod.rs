@@ -88,6 +88,8 @@ pub struct VisibleSet {
     /// Scratch memory of walks on several threads.
     pub(crate) split_scratch: SplitScratch,
     changes: Option<Changes>,
+    /// Stamp of the content that the set was last finished with.
+    result: Stamp,
 }
 
 /// State of a set's list of ids relative to its masks.
@@ -131,6 +133,7 @@ impl VisibleSet {
             marked: Bits::EMPTY,
             split_scratch: SplitScratch::EMPTY,
             changes: None,
+            result: Stamp::NONE,
         }
     }
 

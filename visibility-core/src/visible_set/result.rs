@@ -3,7 +3,7 @@
 
 use super::{Listing, VisibleSet};
 use crate::scene::{FAN_OUT, NONE, lanes};
-use crate::{ObjectId, Scene};
+use crate::{ObjectId, Scene, stamp::Stamp};
 use core::fmt;
 
 /// If an index bitset has more than this number of words for each listed object, sorting the list by
@@ -43,6 +43,17 @@ impl VisibleSet {
     /// that are never culled. A set with an order is listed already.
     pub fn finish(&mut self, scene: &Scene) {
         self.end(scene);
+        self.repeat(scene);
+    }
+
+    /// Returns the stamp of the set's content: the same as long as the set stays
+    /// [finished](Self::is_finished), another each time it is finished anew. `NONE` while it is not finished.
+    pub(crate) fn result_stamp(&self) -> Stamp {
+        if self.is_finished() { self.result } else { Stamp::NONE }
+    }
+
+    /// Ends a frame that shows the finished set once more: nothing became visible or hidden.
+    pub(crate) fn repeat(&mut self, scene: &Scene) {
         if self.changes.is_some() {
             self.list_result(scene);
         }
@@ -77,6 +88,7 @@ impl VisibleSet {
         self.index_limit = scene.index_limit();
         let token = tree.token();
         let survives = token.is_some();
+        self.result = Stamp::new();
         self.listing =
             if is_ordered { Listing::Finished } else { Listing::Unlisted { token, root: tree.root } };
         if !survives {

@@ -8,6 +8,7 @@
 //! the winding number of all pixels to its right. Sums along rows give the winding number everywhere. Work
 //! therefore grows with contours and tiles, not with triangles or pixels.
 
+use super::parallax::EdgeZone;
 use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
 use crate::lanes::{greatest, least};
@@ -259,6 +260,31 @@ impl<'a> ContourRaster<'a> {
                     *step = step.wrapping_add(times as u8);
                     cell.stepped = true;
                 }
+            }
+        }
+    }
+
+    /// Leaves out the pixels that come within `self.slack` (in pixels) of the zone in which a contour edge
+    /// appears from the eyes of a ball.
+    pub(crate) fn erode(&mut self, zone: &EdgeZone) {
+        let slack = 2.0 * self.slack;
+        let [width, height] = self.size;
+        let [left, right, above, below] = zone.bounds();
+        let Some(lines) = range(above - slack, below + slack, height) else { return };
+        let Some(columns) = range(left - slack, right + slack, width) else { return };
+        self.touch(
+            columns.map(|column| (column / SIDE).min(self.columns - 1)),
+            [lines[0] / SIDE, (lines[1] - 1) / SIDE],
+        );
+        for line in lines[0]..lines[1] {
+            let y = line as f64;
+            let Some([left, right]) = zone.columns(y - slack, y + 1.0 + slack) else { continue };
+            let Some([l, r]) = range(left - slack, right + slack, width) else { continue };
+            let (row, bit) = (line / SIDE * self.columns, line % SIDE);
+            for column in l / SIDE..=(r - 1) / SIDE {
+                let start = column * SIDE;
+                let (l, r) = (l.max(start) - start, (r - start).min(SIDE));
+                self.cells[row + column].contour |= ((0xff_u64 << l) & (0xff >> (SIDE - r))) << (SIDE * bit);
             }
         }
     }

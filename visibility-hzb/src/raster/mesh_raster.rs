@@ -34,6 +34,7 @@
 //! positive.
 
 use super::contour_raster::{ContourRaster, ContourTiles, ScreenVertex};
+use super::parallax::Parallax;
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
 use crate::lanes::{greatest, least};
@@ -121,7 +122,8 @@ impl VertexBounds {
 
 /// Draws a mesh of any form into `tiles`: the pixels that its contour winds round and does not come near, at
 /// the least depth key of its triangles there. `object` projects the mesh's own coordinates. `facing` is the
-/// sign (1 or -1) of the determinant of the corners of triangles that face the eye. `scratch` and
+/// sign (1 or -1) of the determinant of the corners of triangles that face the eye. With a `parallax`, the
+/// pixels are left out at which the contour appears from some eye of the ball. `scratch` and
 /// `contour_tiles` are scratch memory. Returns an upper bound on the mesh's depth keys, or negative infinity
 /// if the mesh is not drawn because no triangle certainly shows a side or the errors are too large.
 #[inline(always)]
@@ -132,6 +134,7 @@ pub(crate) fn draw_mesh(
     projection: &ScreenProjection,
     facing: f64,
     coverage: Coverage,
+    parallax: Option<&Parallax>,
     scratch: &mut MeshScratch,
     contour_tiles: &mut ContourTiles,
     tiles: &mut Tiles,
@@ -193,6 +196,9 @@ pub(crate) fn draw_mesh(
             }
             contours.lower_depth_keys(&points[..part.count], plane);
             if let Some([a, b]) = part.edge {
+                if let Some(parallax) = parallax {
+                    contours.erode(&parallax.zone(&a, &b));
+                }
                 let [a, b] = [a, b].map(|corner| on_screen(&corner, object, &mut vertex_bounds));
                 contours.contour(&a, &b, side, marked);
             }
@@ -209,18 +215,22 @@ pub(crate) fn draw_mesh(
             }
             let [i, j] = edge.vertices.map(|i| i as usize);
             let (mut a, mut b) = (screen[i], screen[j]);
+            let (mut p, mut q) = (corners[i], corners[j]);
             if !uncut {
-                let (p, q) = (&corners[i], &corners[j]);
+                let cut = cut_edge(&p, &q, NEAR, near_limit);
                 match (p[4] > near_limit, q[4] > near_limit) {
                     (true, true) => {}
                     (true, false) => {
-                        b = on_screen(&cut_edge(p, q, NEAR, near_limit), object, &mut vertex_bounds)
+                        (b, q) = (on_screen(&cut, object, &mut vertex_bounds), cut);
                     }
                     (false, true) => {
-                        a = on_screen(&cut_edge(p, q, NEAR, near_limit), object, &mut vertex_bounds)
+                        (a, p) = (on_screen(&cut, object, &mut vertex_bounds), cut);
                     }
                     (false, false) => continue,
                 }
+            }
+            if let Some(parallax) = parallax {
+                contours.erode(&parallax.zone(&p, &q));
             }
             contours.contour(&a, &b, (left - right) * side, marked);
         }
@@ -521,7 +531,17 @@ mod tests {
             let mut tiles = Tiles::new(64, 64);
             let (mut scratch, mut contour_tiles) = (MeshScratch::default(), ContourTiles::new(&tiles));
             let coverage = Coverage::Conservative;
-            draw_mesh(&mesh, &off, &projection, 1.0, coverage, &mut scratch, &mut contour_tiles, &mut tiles);
+            draw_mesh(
+                &mesh,
+                &off,
+                &projection,
+                1.0,
+                coverage,
+                None,
+                &mut scratch,
+                &mut contour_tiles,
+                &mut tiles,
+            );
             let [a, b, c] = positions.map(|p| {
                 let [x, y, w, ..] = object.at(p.to_array().map(f64::from));
                 [x / w, y / w]

@@ -2,4 +2,5 @@
 
 pub(crate) mod contour_raster;
 pub(crate) mod mesh_raster;
+pub(crate) mod parallax;
 pub(crate) mod shape_fill;

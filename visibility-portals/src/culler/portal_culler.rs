@@ -2,7 +2,10 @@
 
 use super::portal_eye::PortalEye;
 use super::scene_cells::SceneCells;
-use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, culler::Lack};
+use visibility_core::{
+    Accuracy, CullStats, Culler, Scene, View, VisibleSet, culler::Lack, jobs::Jobs, stamp::Stamp,
+    view::ViewRegion,
+};
 
 /// Removes objects that cannot be seen through open portals: a [`PortalEye`] with [`SceneCells`] of its own.
 /// Conservative.
@@ -56,12 +59,14 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, cull
 pub struct PortalCuller {
     cells: SceneCells,
     eye: PortalEye,
+    /// Stamp of the cells that the last answer for a region was made from.
+    region_cells: Stamp,
 }
 
 impl PortalCuller {
     /// Returns a culler for one view, with the default [settings](PortalEye::new).
     pub fn new(cells: SceneCells) -> Self {
-        Self { cells, eye: PortalEye::new() }
+        Self { cells, eye: PortalEye::new(), region_cells: Stamp::NONE }
     }
 
     /// Returns the culler with `eye` in place of its own eye; the cells are kept. `eye` brings its settings
@@ -100,6 +105,22 @@ impl Culler for PortalCuller {
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.cells.sync(scene);
         self.eye.cull(&self.cells, scene, view, visible)
+    }
+
+    fn cull_region(
+        &mut self,
+        _jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        region: &ViewRegion,
+        visible: &mut VisibleSet,
+    ) -> Option<CullStats> {
+        self.cells.sync(scene);
+        self.region_cells = self.cells.stamp();
+        self.eye.cull_region(&self.cells, scene, region, visible)
+    }
+
+    fn answer_holds(&self) -> bool {
+        self.region_cells == self.cells.stamp()
     }
 
     fn reset(&mut self) {

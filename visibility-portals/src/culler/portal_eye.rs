@@ -15,6 +15,7 @@ use visibility_core::{
     cells::{CellId, PortalId},
     culler::Lack,
     scene::Changes,
+    view::ViewRegion,
 };
 
 /// One view through portals: settings, scratch memory, and the results of the last frame.
@@ -63,6 +64,14 @@ pub struct PortalEye {
     unknown: Vec<u64>,
     /// Number of the last frame. The first frame is 1; 0 before it.
     frame: u64,
+}
+
+/// The views that a walk is for.
+#[derive(Clone, Copy)]
+enum Views<'a> {
+    One(&'a View),
+    /// All views of a region.
+    Of(&'a ViewRegion),
 }
 
 impl Default for PortalEye {
@@ -137,22 +146,63 @@ impl PortalEye {
         view: &View,
         visible: &mut VisibleSet,
     ) -> CullStats {
+        self.cull_views(cells, scene, Views::One(view), visible)
+    }
+
+    /// Removes from `visible` the objects that no view of a region can see through open portals. Otherwise
+    /// like [`cull`](Self::cull). Returns `None`, and removes nothing, where `cull` would
+    /// [fall back](PortalStats::fallback), and if `cells` have mirrors.
+    ///
+    /// Each portal narrows the view by planes through its edges that are turned outwards about the edge, by
+    /// the angle at which the ball of eyes appears from the edge.
+    pub fn cull_region(
+        &mut self,
+        cells: &SceneCells,
+        scene: &Scene,
+        region: &ViewRegion,
+        visible: &mut VisibleSet,
+    ) -> Option<CullStats> {
+        let stats = self.cull_views(cells, scene, Views::Of(region), visible);
+        self.stats.fallback.is_none().then_some(stats)
+    }
+
+    fn cull_views(
+        &mut self,
+        cells: &SceneCells,
+        scene: &Scene,
+        views: Views,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
         self.frame += 1;
         self.stats = PortalStats::default();
         self.reflections.clear();
         self.walk.begin(cells);
-        let Some(eye_view) = PortalView::new(view) else {
+        let (eye_view, narrowing) = match views {
+            Views::One(view) => (PortalView::new(view), self.narrowing),
+            Views::Of(region) if cells.mirrors.is_empty() => {
+                (PortalView::of_region(region), Narrowing::Polygon)
+            }
+            Views::Of(_) => (None, self.narrowing),
+        };
+        let Some(eye_view) = eye_view else {
             return self.fall_back(NotCulled::View, scene, visible);
         };
         self.anchor = eye_view.anchor;
         let synced = self.mark_changed_objects(cells, scene);
         let walk = &mut self.walk;
         // The first reason, if any, why all objects must stay visible.
+        let (starts, anchor) = (&mut self.start_cells, eye_view.anchor);
+        let mut begin = || match views {
+            Views::One(view) => starts.find(cells, view, anchor, |cell| walk.start_in_full_view(cell)),
+            Views::Of(region) => {
+                starts.find_around(cells, region, anchor, |cell| walk.start_in_full_view(cell))
+            }
+        };
         let why = if !synced {
             Some(NotCulled::NotSynced)
-        } else if !self.start_cells.find(cells, view, eye_view.anchor, |cell| walk.start_in_full_view(cell)) {
+        } else if !begin() {
             Some(NotCulled::OutsideCells)
-        } else if !walk.run(cells, &eye_view, self.narrowing, self.steps, &mut self.stats) {
+        } else if !walk.run(cells, &eye_view, narrowing, self.steps, &mut self.stats) {
             Some(NotCulled::Steps)
         } else {
             None
@@ -168,7 +218,9 @@ impl PortalEye {
             }
         };
         self.stats.paths = self.walk.paths.len() as u64;
-        if !self.walk.mirrors.is_empty() {
+        if let Views::One(view) = views
+            && !self.walk.mirrors.is_empty()
+        {
             let known = (self.unknown.as_slice(), self.frame);
             let settings = (self.narrowing, self.steps);
             self.reflections.reflect_all(

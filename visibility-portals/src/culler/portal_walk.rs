@@ -477,8 +477,8 @@ impl PortalWalk {
         for corner in &self.polygon {
             (low, high) = (low.min(corner.at), high.max(corner.at));
         }
-        let nearest = low.max(-high).max(DVec3::ZERO).length() - 2.0 * error;
-        let own = outline.error + eye_view.error;
+        let nearest = low.max(-high).max(DVec3::ZERO).length() - 2.0 * error - eye_view.ball;
+        let own = outline.error + eye_view.error + eye_view.ball;
         let height = vertices.iter().fold(0.0, |height: f64, &vertex| {
             let at = vertex - eye_view.anchor;
             height.max(outline.normal.dot(at).abs() + own + 32.0 * U * at.length())
@@ -525,5 +525,7 @@ impl PortalWalk {
 fn crossing(eye_view: &PortalView, outline: &Outline, vertices: &[DVec3]) -> Crossing {
     let relative = vertices.iter().map(|&vertex| vertex - eye_view.anchor);
     let [flaw, error] = [outline.flaw, outline.error].map(|error| error + eye_view.error);
+    // Each eye of a ball must be on the same side.
+    let error = error + eye_view.ball;
     eye_view.crossing(relative, outline.normal, outline.width, flaw, error)
 }

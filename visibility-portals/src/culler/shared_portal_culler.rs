@@ -3,7 +3,10 @@
 use super::portal_eye::PortalEye;
 use super::scene_cells::SceneCells;
 use std::sync::{Arc, RwLock};
-use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, culler::Lack};
+use visibility_core::{
+    Accuracy, CullStats, Culler, Scene, View, VisibleSet, culler::Lack, jobs::Jobs, stamp::Stamp,
+    view::ViewRegion,
+};
 
 /// Removes objects that cannot be seen through open portals, as [`PortalCuller`](super::PortalCuller) does:
 /// one [`PortalEye`], with cells behind a lock. Several views can use the same cells, on any number of
@@ -48,12 +51,14 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet, cull
 pub struct SharedPortalCuller {
     cells: Arc<RwLock<SceneCells>>,
     eye: PortalEye,
+    /// Stamp of the cells that the last answer for a region was made from.
+    region_cells: Stamp,
 }
 
 impl SharedPortalCuller {
     /// Returns a culler for one view, with the default [settings](PortalEye::new).
     pub fn new(cells: Arc<RwLock<SceneCells>>) -> Self {
-        Self { cells, eye: PortalEye::new() }
+        Self { cells, eye: PortalEye::new(), region_cells: Stamp::NONE }
     }
 
     /// Returns the culler with `eye` in place of its own eye. `eye` brings its settings and its state of the
@@ -87,7 +92,7 @@ impl Culler for SharedPortalCuller {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let Self { cells, eye } = self;
+        let Self { cells, eye, .. } = self;
         for _ in 0..2 {
             let Ok(read) = cells.read() else { break };
             if read.is_synced(scene) {
@@ -104,6 +109,31 @@ impl Culler for SharedPortalCuller {
         };
         write.sync(scene);
         eye.cull(&write, scene, view, visible)
+    }
+
+    fn cull_region(
+        &mut self,
+        _jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        region: &ViewRegion,
+        visible: &mut VisibleSet,
+    ) -> Option<CullStats> {
+        let Self { cells, eye, region_cells } = self;
+        if let Ok(read) = cells.read()
+            && read.is_synced(scene)
+        {
+            *region_cells = read.stamp();
+            return eye.cull_region(&read, scene, region, visible);
+        }
+        let mut write = cells.write().ok()?;
+        write.sync(scene);
+        *region_cells = write.stamp();
+        eye.cull_region(&write, scene, region, visible)
+    }
+
+    /// Whether no door has moved since the last answer, nor anything else of the cells changed.
+    fn answer_holds(&self) -> bool {
+        self.cells.read().is_ok_and(|cells| cells.stamp() == self.region_cells)
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {

@@ -4,12 +4,15 @@
 use super::scene_cells::SceneCells;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
+use visibility_core::view::ViewRegion;
 use visibility_core::{View, cells::CellId, pvs::ViewcellId};
 
 /// Scratch memory for finding the cells in which lines of sight begin.
 #[derive(Clone, Debug, Default)]
 pub(super) struct StartCells {
     touching: Vec<ViewcellId>,
+    /// Cells beyond a face that crosses a ball.
+    beyond: Vec<ViewcellId>,
 }
 
 impl StartCells {
@@ -31,5 +34,21 @@ impl StartCells {
             self.touching.iter().for_each(|&viewcell| each(CellId(viewcell.0)));
         });
         known && covered
+    }
+
+    /// As [`find`](Self::find), for all views of a region: with every cell that reaches into the ball in which
+    /// their lines of sight begin, around `anchor`.
+    pub(super) fn find_around(
+        &mut self,
+        cells: &SceneCells,
+        region: &ViewRegion,
+        anchor: DVec3,
+        mut each: impl FnMut(CellId),
+    ) -> bool {
+        let Self { touching, beyond } = self;
+        let (radius, error) = (region.start_radius(), cells.tolerance);
+        let covered = cells.viewcells.reached_by_ball(anchor, radius, error, beyond, touching);
+        self.touching.iter().for_each(|&viewcell| each(CellId(viewcell.0)));
+        covered
     }
 }

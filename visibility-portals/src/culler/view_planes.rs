@@ -1,10 +1,10 @@
 //! A view in the form that portals are clipped to: its anchor (the eye of a perspective view), and the planes
 //! that bound the view.
 
-use super::window_plane::{U, WindowPlane};
+use super::window_plane::{U, USELESS, WindowPlane};
 use smallvec::SmallVec;
 use visibility_core::glam::DVec3;
-use visibility_core::view::{ClipRow, ViewProjection};
+use visibility_core::view::{ClipRow, ViewProjection, ViewRegion};
 use visibility_core::{View, view::Eye};
 
 /// The lines of sight of a view: rays from one point (perspective), or parallel lines (orthographic).
@@ -28,6 +28,8 @@ pub(super) struct PortalView {
     /// Bound on the distance between the anchor and the exact eye, in world units. 0 for a view with
     /// parallel lines of sight.
     pub(super) error: f64,
+    /// Radius of the ball of eyes around the anchor, in world units. 0 for a single eye.
+    pub(super) ball: f64,
     /// The left, right, bottom and top planes of the frustum, in this order, anchor-relative, with normals
     /// into the view.
     pub(super) sides: [WindowPlane; 4],
@@ -64,7 +66,22 @@ impl PortalView {
         let clips = &planes[5 + far..];
         let ends = planes[5..5 + far].iter().chain(clips).map(WindowPlane::of_view).collect();
         let rows = [projection.x(), projection.y(), projection.w()];
-        Some(Self { anchor, lines, error, sides, ends, rows })
+        Some(Self { anchor, lines, error, ball: 0.0, sides, ends, rows })
+    }
+
+    /// Returns the lines of sight of all views of a region, in anchor-relative form. The anchor is the middle
+    /// of the ball of eyes. `None` as for [`new`](Self::new).
+    pub(super) fn of_region(region: &ViewRegion) -> Option<Self> {
+        let mut of_picture = Self::new(region.picture())?;
+        let planes = region.planes(of_picture.anchor);
+        let [left, right, bottom, top, ends @ ..] = planes.as_slice() else { return None };
+        of_picture.sides = [left, right, bottom, top].map(WindowPlane::of_view);
+        // The plane that bounds what is nearest ends no line of sight.
+        let ahead = of_picture.rows[2].linear;
+        let is_far = |plane: &&visibility_core::view::ViewPlane| plane.plane.normal.dot(ahead) < 0.0;
+        of_picture.ends = ends.iter().filter(is_far).map(WindowPlane::of_view).collect();
+        of_picture.ball = region.radius();
+        Some(of_picture)
     }
 
     /// Returns in which direction lines of sight cross a polygon: along its unit normal `normal`, or against
@@ -116,6 +133,18 @@ impl PortalView {
     #[inline(always)]
     pub(super) fn through_edge(&self, a: DVec3, b: DVec3, sign: f64, error: f64) -> Option<WindowPlane> {
         match self.lines {
+            Lines::FromAnchor if self.ball > 0.0 => {
+                // Let `e` be an eye of the ball of radius `r`, and `y` the point of the edge's line that is
+                // nearest to the anchor, at the distance `d`. A point `x` that `e` sees inside the edge has
+                // `((a - e) x (b - e)) . (x - y) >= 0`, and this product is `(a x b) . (x - y) - (e x (b - a)) .
+                // (x - y)`. With `|a x b| = d |b - a|`, the unit normal `n` of the plane through the anchor has
+                // `n . x = n . (x - y) >= -r / d |x - y|`, which is at least `-(r + r / d |x|)`.
+                let side = WindowPlane::through_edge(a, b, sign, error)?;
+                let ball = self.ball * (1.0 + 1e-9);
+                let turn = ball * (b - a).length() / a.cross(b).length();
+                let (slope, slack) = (side.slope + turn * (1.0 + side.slope), side.slack + ball);
+                (slope < USELESS).then_some(WindowPlane { slope, slack, ..side })
+            }
             Lines::FromAnchor => WindowPlane::through_edge(a, b, sign, error),
             Lines::Along(direction, turn) => WindowPlane::along(direction, turn, a, b, sign, error),
         }

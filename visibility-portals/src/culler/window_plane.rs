@@ -116,7 +116,7 @@ impl WindowPlane {
 
 /// Maximum [slope](WindowPlane::slope) (error per unit of distance) of a plane that is used. A plane whose
 /// error grows by this much or more per unit of distance is too uncertain to bound anything and is left out.
-const USELESS: f64 = 0.25;
+pub(super) const USELESS: f64 = 0.25;
 
 /// A corner of a clipped portal, relative to the anchor of the view, and the source of the edge from this
 /// corner to the next.

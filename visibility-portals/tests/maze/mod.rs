@@ -432,6 +432,15 @@ impl Camera {
         Self { pose, half, near, far, orthographic, view }
     }
 
+    /// Returns the camera moved by a vector and then turned about its eye.
+    pub fn moved(&self, by: DVec3, turn: DQuat) -> Self {
+        let Pose { eye, right, up, forward } = self.pose;
+        let pose = Pose { eye: eye + by, right: turn * right, up: turn * up, forward: turn * forward };
+        let matrix = self.view.clip_from(eye) * DMat4::from_quat(turn.inverse());
+        let view = View::from_clip_from_world(matrix, self.view.depth()).unwrap();
+        Self { pose, view: view.relative_to(eye + by).unwrap(), ..*self }
+    }
+
     /// Returns the ray through a point of the picture in NDC: the start on the near plane, and the direction
     /// whose component along `forward` is 1. In world space.
     pub fn ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {

@@ -1,0 +1,374 @@
+//! Validity regions: for which views, beside the one that was culled, an answer is certainly good.
+//!
+//! An answer for one eye and one direction is good for that instant. Made for a ball of eyes and a cone of
+//! turns it is good for as long as the camera stays inside (Coorg and Teller, "Temporally Coherent
+//! Conservative Visibility", 1996; Durand, "A Multidisciplinary Survey of Visibility", 2000, section 2 on
+//! coherence). A [`ViewRegion`] is such a ball and cone around one view, with all that cullers need: the
+//! planes around what any of its views can see, and one wider view of the ball's centre into which a culler
+//! of points of view may draw.
+//!
+//! # The volume
+//! Let `c` be the eye of the view that the region is around, `r` the radius and `d` the angle. Let `X` and
+//! `Y` be tangents in the axes of that view: `x / z` and `y / z`. A direction turned by at most `d` from a
+//! unit vector `u` is that of a point in the ball of radius `sin d` around `u`. Its shadow in the plane of
+//! `x` and
+//! `z` is in the disc of that radius around `(u.x, u.z)`, so its angle in that plane differs from that of `u`
+//! by at most `asin(sin d / |(u.x, u.z)|)`, and `|(u.x, u.z)|` is at least `1 / sqrt(1 + Y^2)`. The window is
+//! widened by this angle on each side. Then the sides are moved outwards by `r`, since each eye is within `r`
+//! of `c`. A point of the near plane is `near (X, Y, 1)` in the axes of its own view, with `X^2 + Y^2` at
+//! most some `D^2`, and has at least the depth `near (cos d - D sin d)` in the axes of the first; a point of
+//! the far plane has at most `far (cos d + D sin d)`, and never more than `far sqrt(1 + D^2)`, at which it lies
+//! straight ahead.
+//!
+//! # The picture
+//! The *picture* is a view from `c` through a window that is wider by a further angle `g`. Its near plane is
+//! beyond all points at which sight of the region's views begins. Points of the volume outside the picture
+//! are near: in the plane of `x` and `z` such a point is beyond a side of the widened window by more than the
+//! angle `g` and by at most the distance `r`, so it is within `r / sin g` of `c` in that plane, and the other
+//! sides bound its third coordinate. [`PictureMargin`] tells for a box whether it may hold such a point.
+
+use super::{Eye, Pose, View, ViewPlane, ViewProjection, Window};
+use crate::geometry::Plane;
+use crate::view::MAX_PLANES;
+use crate::{Aabb, float};
+use glam::{DVec3, DVec4};
+use smallvec::SmallVec;
+
+/// How far a camera may move and turn while an answer stays good.
+///
+/// ```
+/// use visibility_core::view::Reach;
+/// // Five frames at 1.4 m/s, 90 degrees a second and 60 frames a second.
+/// let reach = Reach::new(0.1, 6f64.to_radians());
+/// assert_eq!(reach.metres(), 0.1);
+/// assert_eq!(Reach::new(-1.0, f64::NAN), Reach::new(0.0, 0.0));
+/// ```
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Reach {
+    metres: f64,
+    radians: f64,
+}
+
+impl Reach {
+    /// Makes a reach: the radius of the ball of eyes in metres, and the greatest angle of a turn, about any
+    /// axis, in radians. A negative number or NaN counts as 0.
+    pub fn new(metres: f64, radians: f64) -> Self {
+        Self { metres: metres.max(0.0), radians: radians.max(0.0) }
+    }
+
+    /// Returns the radius of the ball of eyes, in metres.
+    pub fn metres(&self) -> f64 {
+        self.metres
+    }
+
+    /// Returns the greatest angle of a turn, in radians.
+    pub fn radians(&self) -> f64 {
+        self.radians
+    }
+}
+
+/// Relative difference of windows, near and far distances up to which the views of a region may differ from
+/// the view that the region is around: more than the rounding of clip matrices in `f32`.
+const SAME: f64 = 5e-4;
+
+/// Relative size of the margin that is left for such differences and for rounding: more than [`SAME`], plus
+/// what near and far planes that are tilted by 1e-4 gain at a corner of the widest window, with a tangent of 8.
+const SLACK: f64 = 2e-3;
+
+/// Tangent of the angle by which the window of the [picture](ViewRegion::picture) is wider than that of the
+/// volume. A wider picture has coarser pixels; a narrower one has more boxes near the eye that it does not
+/// decide.
+const PICTURE_MARGIN: f64 = 0.1;
+
+/// Greatest tangent of a side of the picture, about 80 degrees. Regions with wider pictures are not made.
+const MAX_TANGENT: f64 = 6.0;
+
+/// Greatest angle of a turn in radians.
+const MAX_RADIANS: f64 = 1.0;
+
+/// The camera that a perspective clip matrix stands for.
+#[derive(Clone, Copy, Debug)]
+struct Camera {
+    /// Eye in the world, in metres.
+    eye: DVec3,
+    /// Bound on the rounding error of the eye, in metres.
+    eye_error: f64,
+    /// Unit vectors to the right, up and ahead.
+    axes: [DVec3; 3],
+    window: Window,
+    /// Distances of the near and far plane in metres. The second is infinite without a far plane.
+    near: f64,
+    far: f64,
+}
+
+impl Camera {
+    /// Returns the camera of a view. `None` for a parallel or skewed view, for an oblique near plane, and for
+    /// a view with clip planes.
+    fn of(view: &View) -> Option<Self> {
+        let Eye::Point(eye) = view.eye(DVec3::ZERO) else { return None };
+        let Eye::Point(local) = view.eye(view.origin()) else { return None };
+        if view.clip_count > 0 {
+            return None;
+        }
+        let m = &view.clip_from_local;
+        let [x, y, z, w] = [0, 1, 2, 3].map(|i| m.row(i));
+        let scale = w.truncate().length();
+        let ahead = w.truncate() / scale;
+        let [x_row, y_row] = [x, y].map(|row: DVec4| row.truncate() / scale);
+        let [across, upwards] = [x_row, y_row].map(|row| row - ahead * row.dot(ahead));
+        let (width, height) = (across.length(), upwards.length());
+        let right = across / width;
+        let up = upwards / height;
+        // Skewed pictures have no window. Rounding of matrices in `f32` is far smaller.
+        if !(right.dot(up).abs() < 1e-5) {
+            return None;
+        }
+        let up = (up - right * up.dot(right)).normalize();
+        let side = |row: DVec3, length: f64, at: f64| (at - row.dot(ahead)) / length;
+        let window = Window {
+            left: side(x_row, width, -1.0),
+            right: side(x_row, width, 1.0),
+            bottom: side(y_row, height, -1.0),
+            top: side(y_row, height, 1.0),
+        };
+        // Distance from the eye of a plane across the view direction; `None` for any other plane.
+        let distance = |row: DVec4, towards: DVec3| {
+            let normal = row.truncate();
+            let unit = normal / normal.length();
+            let off = (unit - towards).length();
+            (off < 1e-4).then(|| -(normal.dot(local) + row.w) / normal.dot(ahead))
+        };
+        let (near_row, far_row) = view.depth.rows(z, w);
+        let near = distance(near_row, ahead)?;
+        // Without a far plane the volume is only larger.
+        let far = far_row.and_then(|row| distance(row, -ahead)).unwrap_or(f64::INFINITY);
+        let eye_error = ViewProjection::new(view, DVec3::ZERO).eye_error();
+        let sides = [window.left, window.right, window.bottom, window.top];
+        let proper = sides.iter().all(|side| side.is_finite())
+            && window.left < window.right
+            && window.bottom < window.top
+            && near > 0.0
+            && near < far
+            && eye.is_finite()
+            && eye_error.is_finite();
+        proper.then_some(Self { eye, eye_error, axes: [right, up, ahead], window, near, far })
+    }
+}
+
+/// All perspective views that show the same layers through the same window, with the same near and far
+/// distance, from an eye in a ball and turned by at most an angle: a *validity region* around one view.
+///
+/// ```
+/// use visibility_core::view::{Reach, ViewRegion};
+/// use visibility_core::{glam::DVec3, Pose, View};
+/// let at = |eye: DVec3, ahead: DVec3| {
+///     View::perspective(Pose::look_at(eye, eye + ahead, DVec3::Z), 1.0, 1.5, 0.1, f64::INFINITY)
+/// };
+/// let region = ViewRegion::around(&at(DVec3::ZERO, DVec3::X)?, Reach::new(0.1, 0.1)).unwrap();
+/// assert!(region.contains(&at(DVec3::new(0.09, 0.0, 0.0), DVec3::new(1.0, 0.09, 0.0))?));
+/// assert!(!region.contains(&at(DVec3::new(0.11, 0.0, 0.0), DVec3::X)?), "too far");
+/// assert!(!region.contains(&at(DVec3::ZERO, DVec3::new(1.0, 0.11, 0.0))?), "turned too far");
+/// # Ok::<(), visibility_core::view::ViewError>(())
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct ViewRegion {
+    reach: Reach,
+    camera: Camera,
+    layers: u32,
+    /// Radius of the ball of eyes around the camera's eye, in metres, with a margin for rounding.
+    radius: f64,
+    /// Least and greatest depth, in metres along the camera's direction, of points that a view can see. The
+    /// first may be negative, and negative infinity; the second may be infinite.
+    depths: [f64; 2],
+    /// View through the window of the volume, before its sides are moved outwards.
+    volume: View,
+    picture: View,
+    /// Radius of a ball around the camera's eye that holds all points at which sight begins, in metres.
+    start: f64,
+    /// Points of the volume that are not in the picture are nearer than this to the camera's eye, in metres.
+    margin: f64,
+}
+
+impl ViewRegion {
+    /// Returns the region around a view. `None` for views without regions: parallel and skewed ones, those
+    /// with an oblique near plane or with [clip planes](View::with_clip_planes), and those whose window would
+    /// become wider than about 160 degrees.
+    pub fn around(view: &View, reach: Reach) -> Option<Self> {
+        let camera = Camera::of(view)?;
+        let Window { left, right, bottom, top } = camera.window;
+        let radius = (reach.metres * (1.0 + 1e-6) + 4.0 * camera.eye_error).max(1e-9 * camera.near);
+        let turn = reach.radians * (1.0 + 1e-6) + 1e-6;
+        if !(turn < MAX_RADIANS && radius.is_finite()) {
+            return None;
+        }
+        let tan_turn = float::tan(turn);
+        let cosine = 1.0 / float::sqrt(1.0 + tan_turn * tan_turn);
+        let sine = tan_turn * cosine;
+        // Windows that count as the same are within this one.
+        let (wider, higher) = (SLACK * (right - left), SLACK * (top - bottom));
+        let sides = [right + wider, wider - left, top + higher, higher - bottom];
+        let [most_x, most_y] = [sides[0].abs().max(sides[1].abs()), sides[2].abs().max(sides[3].abs())];
+        let diagonal = float::sqrt(most_x * most_x + most_y * most_y);
+        let mut volume = [0.0; 4];
+        let mut picture = [0.0; 4];
+        for (i, &side) in sides.iter().enumerate() {
+            let other = if i < 2 { most_y } else { most_x };
+            let widened = sine * float::sqrt(1.0 + other * other);
+            let tangent = widened / float::sqrt(1.0 - widened * widened);
+            volume[i] = turned(side, tangent * (1.0 + 1e-9))?;
+            picture[i] = turned(volume[i], PICTURE_MARGIN)?;
+        }
+        let most = volume.iter().fold(0.0f64, |most, side| most.max(side.abs()));
+        let sloped = float::sqrt(1.0 + most * most);
+        let near = camera.near * (1.0 - SLACK);
+        let far = camera.far * (1.0 + SLACK);
+        let least = near * (cosine - diagonal * sine);
+        let depths = [
+            if least > 0.0 { least - radius } else { f64::NEG_INFINITY },
+            // Turned by more than the angle of the corner, the corner comes nearer again.
+            far * if tan_turn < diagonal {
+                cosine + diagonal * sine
+            } else {
+                float::sqrt(1.0 + diagonal * diagonal)
+            } + radius,
+        ];
+        // Where lines of sight begin: on the near plane of each view.
+        let start =
+            (radius + camera.near * (1.0 + SLACK) * float::sqrt(1.0 + diagonal * diagonal)) * (1.0 + SLACK);
+        // So far that no point beyond comes near the plane of any of the eyes.
+        let start = start.max(2.0 * radius);
+        let margin_sine = PICTURE_MARGIN / float::sqrt(1.0 + PICTURE_MARGIN * PICTURE_MARGIN);
+        let beside = radius / margin_sine;
+        let across = |depth: f64| most * depth + radius * sloped;
+        let beyond_sides = float::sqrt(beside * beside + across(beside) * across(beside));
+        let before_near = float::sqrt(start * start + 2.0 * across(start) * across(start));
+        let [right, up, forward] = camera.axes;
+        let pose = Pose { eye: camera.eye, right, up, forward };
+        let window =
+            |[right, left, top, bottom]: [f64; 4]| Window { left: -left, right, bottom: -bottom, top };
+        let through = |sides| View::perspective_off_center(pose, window(sides), start, f64::INFINITY).ok();
+        Some(Self {
+            reach,
+            camera,
+            layers: view.layers(),
+            radius,
+            depths,
+            volume: through(volume)?.with_layers(view.layers()),
+            picture: through(picture)?.with_layers(view.layers()),
+            start,
+            margin: beyond_sides.max(before_near) * (1.0 + SLACK),
+        })
+    }
+
+    /// Returns the reach that the region was made with.
+    pub fn reach(&self) -> Reach {
+        self.reach
+    }
+
+    /// Returns whether a view is one of the region's. Windows, near and far distances may differ by the
+    /// rounding of matrices in `f32`.
+    pub fn contains(&self, view: &View) -> bool {
+        let Some(other) = Camera::of(view) else { return false };
+        let Window { left, right, bottom, top } = self.camera.window;
+        let window = other.window;
+        let (wide, high) = (SAME * (right - left), SAME * (top - bottom));
+        let same = |a: f64, b: f64, by: f64| a == b || (a - b).abs() <= by;
+        let turned: f64 = (0..3).map(|i| (self.camera.axes[i] - other.axes[i]).length_squared()).sum();
+        // A rotation by the angle `t` moves three orthonormal vectors by `8 sin^2(t / 2)` in all, squared.
+        let tangent = float::tan(0.5 * self.reach.radians.min(MAX_RADIANS));
+        let most_turned = 8.0 * tangent * tangent / (1.0 + tangent * tangent);
+        let off = self.camera.eye.distance(other.eye) + self.camera.eye_error + other.eye_error;
+        view.layers() == self.layers
+            && same(window.left, left, wide)
+            && same(window.right, right, wide)
+            && same(window.bottom, bottom, high)
+            && same(window.top, top, high)
+            && same(other.near, self.camera.near, SAME * self.camera.near)
+            && same(other.far, self.camera.far, SAME * self.camera.far)
+            && off <= self.radius
+            && turned <= most_turned * (1.0 + 1e-9) + 1e-13
+    }
+
+    /// Returns the radius of the ball that holds all eyes of the region, around the eye of the
+    /// [picture](Self::picture), in metres. A little more than [`Reach::metres`], for rounding.
+    pub fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// Returns the radius of a ball around the eye of the [picture](Self::picture) that holds all points at
+    /// which sight of the region's views begins, on their near planes, in metres.
+    pub fn start_radius(&self) -> f64 {
+        self.start
+    }
+
+    /// Returns the view to draw occluders with: from the middle of the ball, wide enough for all directions,
+    /// without a far plane. Its near plane is beyond all points at which sight of the region's views begins.
+    /// What it does not show but a view of the region may see is told by [`margin`](Self::margin).
+    pub fn picture(&self) -> &View {
+        &self.picture
+    }
+
+    /// Returns the planes of a convex volume that contains all that the region's views can see, for points in
+    /// metres relative to `origin`, a point of the world.
+    pub fn planes(&self, origin: DVec3) -> SmallVec<[ViewPlane; MAX_PLANES]> {
+        let mut planes = SmallVec::new();
+        for (slot, plane) in self.volume.planes(origin).by_slot() {
+            if slot < 4 {
+                let ViewPlane { plane: Plane { normal, offset }, error } = *plane;
+                planes.push(ViewPlane { plane: Plane { normal, offset: offset + self.radius }, error });
+            }
+        }
+        let (eye, ahead) = (self.camera.eye - origin, self.camera.axes[2]);
+        let error = 1e-12 * (eye.length() + self.camera.eye.length() + origin.length());
+        for (towards, depth) in [(ahead, self.depths[0]), (-ahead, -self.depths[1])] {
+            if depth.is_finite() {
+                let offset = -towards.dot(eye) - depth;
+                let error = error + 1e-12 * depth.abs();
+                planes.push(ViewPlane { plane: Plane { normal: towards, offset }, error });
+            }
+        }
+        planes
+    }
+
+    /// Returns the test for boxes that may be seen outside the [picture](Self::picture), for boxes in metres
+    /// relative to `origin`, a point of the world.
+    pub fn margin(&self, origin: DVec3) -> PictureMargin {
+        let mut planes = SmallVec::new();
+        planes.extend_from_slice(self.picture.planes(origin).as_slice());
+        let eye = self.camera.eye - origin;
+        let error = 1e-12 * (self.camera.eye.length() + origin.length());
+        let reach = self.margin + error;
+        PictureMargin { eye, squared: reach * reach, planes }
+    }
+}
+
+/// Returns the tangent of the sum of two angles, given by their tangents, of which the second is not
+/// negative.
+/// `None` if the sum is not certainly less than the angle of [`MAX_TANGENT`].
+fn turned(tangent: f64, by: f64) -> Option<f64> {
+    let sum = (tangent + by) / (1.0 - tangent * by);
+    (tangent * by < 1.0 && by >= 0.0 && sum.abs() < MAX_TANGENT).then_some(sum)
+}
+
+/// The space beside and before the [picture](ViewRegion::picture) of a region in which a view of the region
+/// may see something. All of it is near the middle of the ball.
+#[derive(Clone, Debug)]
+pub struct PictureMargin {
+    /// Middle of the ball, relative to the origin of the boxes, in metres.
+    eye: DVec3,
+    /// Square of the distance from the eye within which points of the space lie.
+    squared: f64,
+    /// Planes of the picture.
+    planes: SmallVec<[ViewPlane; MAX_PLANES]>,
+}
+
+impl PictureMargin {
+    /// Returns whether a box may hold a point that is outside the picture and that a view of the region may
+    /// see. A map that was drawn into the picture must not hide such a box. True for inverted boxes and NaN.
+    pub fn may_meet(&self, bounds: &Aabb) -> bool {
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        let beside = (min - self.eye).max(self.eye - max).max(DVec3::ZERO);
+        let near = !(beside.length_squared() > self.squared);
+        near && !self.planes.iter().all(|plane| plane.contains_box(bounds))
+    }
+}

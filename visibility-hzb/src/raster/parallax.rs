@@ -1,0 +1,133 @@
+//! Where the edge of an occluder can appear, from every eye of a ball, and what that proves.
+//!
+//! # The rule
+//! An occluder that is drawn for a ball of eyes covers the pixels that it covers from the middle of the ball,
+//! except those at which one of its contour edges appears from some eye of the ball. Edges that two drawn
+//! triangles share stay covered however far the eye moves, so a wall of many pieces is eroded along its
+//! outline only. (Wonka, Wimmer and Schmalstieg, "Visibility Preprocessing with Occluder Fusion for Urban
+//! Walkthroughs", 2000, shrink each occluder by the ball; Décoret, Debunne and Sillion, "Erosion Based
+//! Visibility Preprocessing", 2003, erode what occluders cover together. Here the erosion is that of an
+//! edge's parallax alone, at the distance of the edge, and none where a neighbour continues the surface.)
+//!
+//! # Why it is sound
+//! Let `c` be the middle of the ball, `e` another eye of it, and `p` a point that is hidden from `c` by the
+//! drawn triangles `T` of one mesh: the segment from `c` to `p` crosses `T` from the front. No triangle of
+//! `T` comes as near to `c` as any point at which sight of an eye of the ball begins; so the segment from `c`
+//! to `e` does not meet `T`. Move the end of a segment from `c` along the line from `e` to `p`. At `e` the segment
+//! misses `T`, at `p` it crosses `T`. So somewhere on the way the moving end crosses `T`, from the front
+//! since that is the side on which `c` lies, and `p` is hidden from `e`; or the moving segment, from `c` to a
+//! point `q`, meets a contour edge of `T` in a point `s`. In the second case `q = k s` with `k >= 1`, relative to
+//! `c`. The line through `e` and `q` has `p` beyond `q`, so from `a e` with some `a` between 0 and 1, `p`
+//! appears in the picture of `c` where `q` does: `p` is in the direction of `k s - a e`, which is that of
+//! `s - (a / k) e`. This is the direction in which `s` appears from the point `(a / k) e` of the ball. So if
+//! no contour edge of `T` appears, from any point of the ball, where `p` appears from `c`, then `p` is hidden
+//! from all eyes of the ball. (Directions are carried from one eye to another without turning them.)
+//!
+//! # Where a point appears
+//! Let `x` and `w` be the screen coordinates of a point from `c` and `X` and `W` the gradients of the two.
+//! From
+//! `e` the point appears at the column `v = (x - X e) / (w - W e)`. The extreme columns over the ball of
+//! radius `r` are those at which the plane `(x - v w) - (X - v W) e = 0` touches the ball: `|x - v w| = r |X
+//! - v W|`, a quadratic equation in `v`. Its discriminant is written without cancellation. An edge appears
+//! from each eye as a straight segment between places of its ends, so it stays in the convex hull of the two
+//! rectangles in which its ends appear. All this needs `w` to be positive from all eyes; geometry is cut at
+//! twice the radius.
+
+use crate::setup::screen_projection::ScreenProjection;
+use visibility_core::glam::DVec3;
+
+/// Relative margin for rounding. The columns of a point nearer than the square root of two times the radius are
+/// not used, so the leading coefficient of the quadratic equation is at least half of `w^2`, and nothing cancels.
+/// The errors of the point's own `x`, `y` and `w` are no part of it: they are at most the slack of the contour in
+/// the picture of the middle, and at most twice as much from an eye of the ball, at half the distance or more.
+/// Who marks pixels adds twice the slack.
+const ROUNDING: f64 = 1e-9;
+
+/// The ball of eyes, as the projection of its middle sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Parallax {
+    radius: f64,
+    /// Gradients of `x`, `y` and `w` (see [`ScreenProjection`]).
+    gradients: [DVec3; 3],
+}
+
+/// Range of columns, then of rows, in pixels, in which a point appears from the eyes of a ball.
+pub(crate) type Places = [f64; 4];
+
+impl Parallax {
+    /// Returns the parallax for a perspective projection from the middle of a ball of the given radius in
+    /// metres.
+    pub(crate) fn new(projection: &ScreenProjection, radius: f64) -> Self {
+        let [x, y, w, _] = projection.rows;
+        Self { radius: radius * (1.0 + ROUNDING), gradients: [x, y, w].map(|row| DVec3::from(row.linear)) }
+    }
+
+    /// Returns where a point appears, given by its `x`, `y` and `w` from the middle of the ball. The ranges
+    /// are unbounded for a point nearer than twice the radius.
+    pub(crate) fn places(&self, x: f64, y: f64, w: f64) -> Places {
+        let [of_x, of_y, of_w] = self.gradients;
+        let squared = self.radius * self.radius;
+        let leading = w * w - squared * of_w.length_squared();
+        if !(w > 0.0 && leading >= 0.5 * w * w) {
+            return [f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY];
+        }
+        let range = |value: f64, gradient: DVec3| {
+            let middle = value * w - squared * gradient.dot(of_w);
+            let crossed = gradient.cross(of_w).length_squared();
+            let quarter = (gradient * w - of_w * value).length_squared() - squared * crossed;
+            let half = self.radius * visibility_core::geometry::sqrt(quarter.max(0.0));
+            let margin = ROUNDING * (value.abs() * w + half) / leading;
+            [(middle - half) / leading - margin, (middle + half) / leading + margin]
+        };
+        let ([left, right], [above, below]) = (range(x, of_x), range(y, of_y));
+        [left, right, above, below]
+    }
+
+    /// Returns the zone in which an edge appears, given by its ends in homogeneous screen coordinates.
+    pub(crate) fn zone(&self, a: &[f64; 5], b: &[f64; 5]) -> EdgeZone {
+        EdgeZone { ends: [a, b].map(|end| self.places(end[0], end[1], end[2])) }
+    }
+}
+
+/// The zone of the picture in which an edge can appear: the convex hull of two rectangles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EdgeZone {
+    pub(crate) ends: [Places; 2],
+}
+
+impl EdgeZone {
+    /// Returns the bounds of the zone: least and greatest column, least and greatest row.
+    pub(crate) fn bounds(&self) -> Places {
+        let [a, b] = self.ends;
+        [a[0].min(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].max(b[3])]
+    }
+
+    /// Returns the least and the greatest column of the zone between the rows `top` and `bottom`, all in
+    /// pixels. `None` if the zone does not reach these rows.
+    pub(crate) fn columns(&self, top: f64, bottom: f64) -> Option<[f64; 2]> {
+        let [a, b] = self.ends;
+        if !(a.iter().chain(&b).all(|place| place.is_finite())) {
+            return Some([f64::NEG_INFINITY, f64::INFINITY]);
+        }
+        // The hull is the union of rectangles whose sides go linearly from those at one end to those at the
+        // other. The share `t` of the way at which a rectangle meets the rows is an interval.
+        let mut share = [0.0f64, 1.0];
+        for (at_a, at_b) in [(bottom - a[2], bottom - b[2]), (a[3] - top, b[3] - top)] {
+            if at_a < 0.0 && at_b < 0.0 {
+                return None;
+            }
+            let crossing = at_a / (at_a - at_b);
+            if at_a < 0.0 {
+                share[0] = share[0].max(crossing - ROUNDING);
+            } else if at_b < 0.0 {
+                share[1] = share[1].min(crossing + ROUNDING);
+            }
+        }
+        if share[0] > share[1] {
+            return None;
+        }
+        let at = |side: usize| share.map(|t| a[side] + (b[side] - a[side]) * t.clamp(0.0, 1.0));
+        let ([p, q], [r, s]) = (at(0), at(1));
+        Some([p.min(q), r.max(s)])
+    }
+}
