@@ -16,7 +16,7 @@ use crate::{
 };
 use alloc::vec::Vec;
 use core::borrow::Borrow;
-use glam::DVec3;
+use glam::{Affine3A, DVec3};
 
 /// A PVS prepared for a scene: the PVS, the regions of its viewcells, and the targets of each object. Shared
 /// by the cullers of all views.
@@ -56,8 +56,8 @@ pub struct ScenePvs {
 #[derive(Clone, Debug)]
 struct OccluderState {
     id: ObjectId,
-    /// Hash of bounds, layers, flags, and occluder mesh with its transform, and of whether the object is
-    /// always drawn.
+    /// Hash of bounds, layers, flags, the object's own transform, and occluder mesh with its transform (also
+    /// of an object that is not flagged as an occluder), and of whether the object is always drawn.
     hash: u64,
     triangles: Option<SharedTriangles>,
 }
@@ -65,11 +65,16 @@ struct OccluderState {
 impl OccluderState {
     fn of(scene: &Scene, id: ObjectId) -> Self {
         let mut hash = Fingerprint::new().with(scene.is_always_drawn(id).into());
-        if let Some((object, mesh)) = level_object(scene, id) {
+        let with_transform = |hash: Fingerprint, transform: Affine3A| {
+            transform.to_cols_array().into_iter().map(f32::to_bits).fold(hash, Fingerprint::with)
+        };
+        if let Some((object, _)) = level_object(scene, id) {
             hash = hash.with_u64(object_hash(&Object { cost: 0, ..object }, Triangles::default(), None));
-            if let Some((mesh, transform)) = mesh {
-                hash = hash.with_u64(mesh.fingerprint().value());
-                hash = transform.to_cols_array().into_iter().map(f32::to_bits).fold(hash, Fingerprint::with);
+            // A caller may name an object that has no flag, and no triangles that tell how it is turned
+            // within its bounds.
+            hash = with_transform(hash, scene.own_transform(id.index() as u32));
+            if let Some((mesh, transform)) = scene.mesh_of_occluder(id) {
+                hash = with_transform(hash.with_u64(mesh.fingerprint().value()), transform);
             }
         }
         Self { id, hash: hash.value(), triangles: scene.shared_triangles(id).cloned() }
@@ -160,8 +165,8 @@ impl ScenePvs {
 
     /// Names the objects by which the PVS hides others, in place of the occluders that [`new`](Self::new)
     /// chose. Nothing is hidden any more once one of them changes in the scene (a wall is taken away), and in
-    /// views whose layers leave out one of them. A change that leaves bounds, layers, flags, mesh, triangles
-    /// and draw range as they were, such as one of the cost, does not count. Nothing is hidden at all if one
+    /// views whose layers leave out one of them. A change that leaves bounds, transform, layers, flags,
+    /// mesh, triangles and draw range as they were, such as one of the cost, does not count. Nothing is hidden at all if one
     /// of them is not [always drawn](Scene::is_always_drawn) or is [never culled](Object::is_unculled).
     /// `scene` is the scene given to [`new`](Self::new), unchanged since. Unknown objects are ignored.
     #[must_use]
