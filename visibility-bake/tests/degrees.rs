@@ -186,6 +186,18 @@ fn eyes_are_in_the_viewcell_and_viewcells_without_eyes_know_nothing() {
     assert_eq!(of(&Viewcell::from_box(-far, far)), Widely, "a viewcell too large for pictures");
 }
 
+/// Few eyes come near a small object within the viewcell, and an eye beside it sees it widely.
+#[test]
+fn objects_that_meet_the_viewcell_show_widely() {
+    let room = Viewcell::from_box(DVec3::ZERO, DVec3::splat(10.0));
+    for (x, expected) in [(5.0, true), (10.0, true), (10.5, false)] {
+        let mut scene = Scene::new();
+        let tile = insert(&mut scene, upright(x, [5.0, 5.0], [5.05, 5.05]), true);
+        let degrees = DegreeSampler::new(4).unwrap().sample(&scene, &room, &[tile], |_| false);
+        assert_eq!(degrees[0] == Widely, expected, "a tile of 5 cm at x = {x}: {degrees:?}");
+    }
+}
+
 fn set() -> (Scene, BakedSet, Vec<Vec<SampledDegree>>) {
     let mut scene = Scene::new();
     scene.insert_batch((0..6).map(|i| Aabb::from_arrays([i as f32, 5.0, 0.0], [i as f32 + 0.5, 6.0, 1.0])));
