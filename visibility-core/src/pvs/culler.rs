@@ -359,10 +359,6 @@ pub struct PvsCuller<S> {
     is_answered: bool,
     /// Degrees of visibility from the viewcells in `entered`.
     degrees: DegreesOfViewcells,
-    /// Degrees of visibility from the viewcells in `touched_before`.
-    degrees_from_box: DegreesOfViewcells,
-    /// Whether the answer of the last call of [`write_hidden`](HiddenSets::write_hidden) was known.
-    is_box_answered: bool,
     /// Viewcells in which the view's lines of sight began when `seen` was last computed, ascending.
     entered: Vec<ViewcellId>,
     /// Whether `entered` and `seen` are valid: false before the first frame, and after the [`ScenePvs`] was
@@ -413,8 +409,6 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             least: SampledDegree::Unseen,
             is_answered: false,
             degrees: DegreesOfViewcells::default(),
-            degrees_from_box: DegreesOfViewcells::default(),
-            is_box_answered: false,
             entered: Vec::new(),
             is_entered: false,
             entering: Vec::new(),
@@ -457,15 +451,12 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
     /// for the view, or the object is never hidden by them or has changed. An object that they hide is
     /// [`Unseen`](SampledDegree::Unseen). Takes constant time for an object with one target.
     pub fn degree(&self, id: ObjectId) -> Option<SampledDegree> {
-        self.degree_in(&self.degrees, id).filter(|_| self.is_answered)
-    }
-
-    fn degree_in(&self, degrees: &DegreesOfViewcells, id: ObjectId) -> Option<SampledDegree> {
         let shared = self.shared.borrow();
-        if self.made_from != shared.stamp || self.changed.contains(id.index()) {
+        let is_known = self.is_answered && self.made_from == shared.stamp;
+        if !is_known || self.changed.contains(id.index()) {
             return None;
         }
-        degrees.of(shared.targets_of(id)?)
+        self.degrees.of(shared.targets_of(id)?)
     }
 
     /// Returns the shared [`ScenePvs`] for replacement. The next frame takes a new [`ScenePvs`] into account.
@@ -488,7 +479,6 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             self.is_entered = false;
             self.touched_before.clear();
             self.degrees.forget();
-            self.degrees_from_box.forget();
             self.cursor = SceneCursor::START;
         }
         let mut changes = self.cursor.follow(scene);
@@ -645,7 +635,6 @@ impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
     /// object that the PVS may hide: some nanoseconds for each, seen or not.
     fn write_hidden(&mut self, scene: &Scene, min: DVec3, max: DVec3, hidden: &mut Bits) -> bool {
         self.follow(scene);
-        self.is_box_answered = false;
         let shared = self.shared.borrow();
         let is_usable = min.cmple(max).all() && min.is_finite() && max.is_finite();
         if !is_usable || self.lost || shared.occluder_layers.contains(&0) {
@@ -682,9 +671,6 @@ impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
                 &mut self.seen_from_one,
             );
             core::mem::swap(&mut self.entering, &mut self.touched_before);
-            if let Some(degrees) = &shared.degrees {
-                self.degrees_from_box.read(degrees, &self.touched_before, shared.target_limit);
-            }
         }
         hidden.reset(scene.index_limit());
         let around = Aabb::from_world(min, max, scene.origin());
@@ -696,12 +682,6 @@ impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
         }
         shared.for_each_seen(&self.seen_from_box, |id| _ = hidden.remove(id.index()));
         self.changed.iter().for_each(|index| _ = hidden.remove(index));
-        self.is_box_answered = true;
         true
-    }
-
-    /// The degree of the object from the viewcells that the box touches.
-    fn degree_from_box(&self, id: ObjectId) -> Option<SampledDegree> {
-        self.degree_in(&self.degrees_from_box, id).filter(|_| self.is_box_answered)
     }
 }

@@ -3,7 +3,7 @@
 //! Based on: the ordering of what to read by when and how large it is seen in Thomas Funkhouser, Carlo Sequin
 //! and Seth Teller, "Management of Large Amounts of Data in Interactive Building Walkthroughs", 1992.
 
-use super::{HiddenSets, SampledDegree, importance};
+use super::{HiddenSets, importance};
 use crate::bits::Bits;
 use crate::{ObjectId, Scene};
 use alloc::collections::BinaryHeap;
@@ -32,10 +32,7 @@ const NOWHERE: u32 = u32::MAX;
 /// first. Each box must hold all points at which lines of sight begin, since what is seen from these is
 /// drawn: the eye, and the corners of the near plane. An object is needed at the first place from which it is
 /// not hidden. Objects needed sooner are loaded before objects needed later, and among these the one with the
-/// greatest [`importance`] from the place comes first. Equal ones come by [index](ObjectId::index). If the
-/// sets know [how much shows](HiddenSets::degree_from_box) of an object, its importance is at most the
-/// [angle](SampledDegree::most_shown_angle) in which it shows: a desk behind a door ajar comes after a small
-/// thing in full view.
+/// greatest [`importance`] from the place comes first. Equal ones come by [index](ObjectId::index).
 ///
 /// An object is dropped only for the memory of a more urgent one that is loaded in the same update: first the
 /// objects that are hidden from all places, the least important one first, then those needed last. An object
@@ -88,9 +85,6 @@ pub struct Residency {
     /// Indexed by [`ObjectId::index`]: number of the first place from which the object is not hidden, or
     /// [`NOWHERE`].
     needed: Vec<u32>,
-    /// Indexed by [`ObjectId::index`]: greatest angle in radians in which the object shows from the place
-    /// where it is needed. Infinite if that is not known, and for objects that are hidden from all places.
-    shown: Vec<f64>,
     /// Scratch: the objects hidden from a place.
     hidden: Bits,
     /// Scratch: objects to load.
@@ -143,7 +137,6 @@ impl Residency {
             drops: Vec::new(),
             is_complete: false,
             needed: Vec::new(),
-            shown: Vec::new(),
             hidden: Bits::EMPTY,
             missing: BinaryHeap::new(),
             droppable: Vec::new(),
@@ -223,8 +216,6 @@ impl Residency {
     fn find_needs(&mut self, scene: &Scene, sets: &mut dyn HiddenSets, places: &[[DVec3; 2]]) -> u32 {
         self.needed.clear();
         self.needed.resize(scene.index_limit(), NOWHERE);
-        self.shown.clear();
-        self.shown.resize(scene.index_limit(), f64::INFINITY);
         let mut unknown = NOWHERE;
         for (place, &[min, max]) in (0..).zip(places) {
             let is_known = sets.write_hidden(scene, min, max, &mut self.hidden);
@@ -240,9 +231,6 @@ impl Residency {
                 let is_hidden = is_known && self.hidden.contains(id.index()) && is_culled(id);
                 if *needed == NOWHERE && !is_hidden {
                     *needed = place;
-                    let degree = sets.degree_from_box(id).filter(|_| is_known);
-                    let shown = degree.map_or(f64::INFINITY, SampledDegree::most_shown_angle);
-                    self.shown[id.index()] = shown;
                 }
             }
         }
@@ -252,11 +240,11 @@ impl Residency {
     /// Fills `missing` with the objects that are needed and not in memory.
     fn rank_missing(&mut self, scene: &Scene, places: &[[DVec3; 2]]) {
         self.missing.clear();
-        let (resident, needed, shown) = (&self.resident, &self.needed, &self.shown);
+        let (resident, needed) = (&self.resident, &self.needed);
         self.missing.extend(scene.ids().filter_map(|id| {
             let place = needed[id.index()];
             let &[min, max] = places.get(place as usize).filter(|_| resident[id.index()].is_none())?;
-            let importance = importance(scene, id, min, max).min(shown[id.index()]);
+            let importance = importance(scene, id, min, max);
             Some(Ranked { place, importance, object: id })
         }));
     }
@@ -269,7 +257,7 @@ impl Residency {
             let place = self.needed[id.index()].min(unknown);
             if place > 0 {
                 let [min, max] = places.get(place as usize).copied().unwrap_or(first);
-                let importance = importance(scene, id, min, max).min(self.shown[id.index()]);
+                let importance = importance(scene, id, min, max);
                 self.droppable.push((Ranked { place, importance, object: id }, 0));
             }
         }
