@@ -12,7 +12,6 @@
 //! the coarser its display.
 
 use super::{Pvs, PvsError, ViewcellId};
-use crate::geometry::sqrt;
 use alloc::vec::Vec;
 
 /// How much of an object shows from a viewcell, estimated from sampled eyes. Lesser degrees come first.
@@ -61,18 +60,6 @@ impl SampledDegree {
             Self::Partly => partly,
             Self::Widely => f64::INFINITY,
         }
-    }
-
-    /// Returns the angle in radians across a disc that covers as much of the picture as
-    /// [`most_shown`](Self::most_shown), for small angles. Infinity for [`Widely`](Self::Widely).
-    ///
-    /// ```
-    /// use visibility_core::pvs::SampledDegree;
-    /// // At 60 degrees upwards, 1,080 rows are 935 pixels a radian: a disc of 23 pixels.
-    /// assert!((SampledDegree::Hardly.most_shown_angle() * 935.0 - 23.3).abs() < 0.1);
-    /// ```
-    pub fn most_shown_angle(self) -> f64 {
-        2.0 * sqrt(self.most_shown() / core::f64::consts::PI)
     }
 }
 
