@@ -82,9 +82,6 @@ fn degrees_that_do_not_fit_are_refused() {
         let (few_rows, few_targets) = (vec![vec![]], vec![vec![]; 2]);
         assert!(refused(made(7, with(set(&few_rows, 6)))), "set {at} of one viewcell");
         assert!(refused(made(7, with(set(&few_targets, 5)))), "set {at} of five targets");
-        // Object 4 is hidden from the first room.
-        let hidden = vec![vec![4], vec![]];
-        assert!(refused(made(7, with(set(&hidden, 6)))), "set {at} with an object that is in no lesser one");
         let cells = Pvs::new(PvsTargets::Cells, 6, &[vec![], vec![]], |_| []).unwrap();
         assert!(refused(made(7, with(cells))), "set {at} of cells");
     }
@@ -94,6 +91,14 @@ fn degrees_that_do_not_fit_are_refused() {
     let others = SampledDegrees::new(&other, 1, none()).unwrap();
     assert!(sets.set_degrees(others).is_err(), "degrees of another PVS");
     assert_eq!(sets.degrees().map(SampledDegrees::eyes), Some(32), "the degrees from before");
+}
+
+/// A target of a greater degree that lacks a lesser one, as a forged file may list it.
+#[test]
+fn a_degree_counts_up_to_the_first_set_that_lacks_the_target() {
+    let all = || set(&[vec![0, 1], vec![]], 2);
+    let degrees = SampledDegrees::new(&all(), 1, [all(), set(&[vec![0], vec![]], 2), all()]).unwrap();
+    assert_eq!([0, 1].map(|target| degrees.degree(ViewcellId(0), target)), [Widely, Hardly], "degrees");
 }
 
 #[test]
