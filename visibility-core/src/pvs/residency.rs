@@ -43,10 +43,10 @@ const NOWHERE: u32 = u32::MAX;
 ///
 /// # Cost
 /// An update takes some nanoseconds for each object of the scene and each place, besides what the sets take,
-/// and a logarithmic time for each object that is loaded. While memory is full, an update also asks the size
-/// of each object that is needed and missing, at most four times, and sorts the objects in memory that may be
-/// dropped. Whatever the sizes, the time is O(n log n). Once its
-/// scratch memory is large enough, an update allocates nothing, besides what the sets allocate.
+/// and a logarithmic time and a question for its size for each object that is loaded. While memory is full,
+/// an update also takes that for each object that is needed and missing, and sorts the objects in memory that
+/// may be dropped. Whatever the sizes, the time is O(n log n). Once its scratch memory is large enough, an
+/// update allocates nothing, besides what the sets allocate.
 ///
 /// ```
 /// use visibility_core::pvs::{Pvs, PvsCuller, PvsTargets, Residency, ScenePvs, Viewcell, Viewcells};
@@ -145,7 +145,7 @@ impl Residency {
 
     /// Finds what to [load](Self::loads) and to [drop](Self::drops) now, and counts it as loaded and dropped.
     /// `places` are boxes in world space, each given by its minimum and its maximum in metres. `size` gives
-    /// the bytes of an object that is not in memory, and may be called several times for one object. All
+    /// the bytes of an object that is not in memory, and is called at most once for each object. All
     /// updates are for the same scene.
     ///
     /// Loads take up to `budget` bytes in the order of their urgency. The last one may exceed the budget;
@@ -178,12 +178,7 @@ impl Residency {
         self.debt -= paid;
         let mut left = budget - paid;
         self.is_complete = !places.is_empty();
-        // Number of sizes that may be asked to find objects without room among those that are left: one for
-        // each missing object, and two more for each that was taken out. So the sizes asked are at most four
-        // for each object, however often an object finds no room.
-        let mut credit = self.missing.len();
         while let Some(Ranked { place, object, .. }) = self.missing.pop() {
-            credit += 2;
             if left == 0 {
                 self.is_complete &= place > 0;
                 break;
@@ -193,13 +188,8 @@ impl Residency {
                 self.rank_droppable(scene, places, unknown);
                 is_ranked = true;
             }
-            if let Err(room) = self.make_room(bytes, place) {
+            if !self.make_room(bytes, place) {
                 self.is_complete &= place > 0;
-                // Less urgent objects find no more room than this one.
-                if let Some(rest) = credit.checked_sub(self.missing.len()) {
-                    credit = rest;
-                    self.missing.retain(|other| size(other.object) <= room);
-                }
                 continue;
             }
             let transfer = Transfer { object, bytes };
@@ -271,22 +261,22 @@ impl Residency {
     }
 
     /// Drops objects needed later than `place`, the least urgent first, until `bytes` more bytes fit into
-    /// memory. If dropping all of these objects does not suffice, drops none, and returns the number of bytes
-    /// that would fit without them. Takes logarithmic time, besides that for each object dropped.
-    fn make_room(&mut self, bytes: u64, place: u32) -> Result<(), u64> {
+    /// memory. If dropping all of these objects does not suffice, drops none, and returns false. Takes logarithmic
+    /// time, besides that for each object dropped.
+    fn make_room(&mut self, bytes: u64, place: u32) -> bool {
         let free = self.limit - self.bytes;
         let up_to = |count: usize| count.checked_sub(1).map_or(0, |last| self.droppable[last].1);
         let needed = self.droppable.partition_point(|(ranked, _)| ranked.place <= place);
         let later = up_to(self.droppable.len()) - up_to(needed);
         if bytes > free + later {
-            return Err(free + later);
+            return false;
         }
         while bytes > self.limit - self.bytes
             && let Some((last, _)) = self.droppable.pop()
         {
             self.release(last.object.index());
         }
-        Ok(())
+        true
     }
 
     /// Takes an object out of memory.
