@@ -9,8 +9,8 @@ use visibility_bsp::{
 };
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
-    Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, ObjectId, OcclusionCuller, Pipeline, Pose, Scene,
-    View, VisibleSet, occlusion::Preparation,
+    Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, ObjectId, OcclusionCuller, Pipeline, Pose,
+    Scene, View, VisibleSet, occlusion::Preparation,
 };
 use visibility_testing::{Random, judged};
 

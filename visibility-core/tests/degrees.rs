@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{
-    Pvs, PvsCuller, PvsError, PvsTargets, Residency, SampledDegree, SampledDegrees, ScenePvs,
-    Viewcell, ViewcellId, Viewcells,
+    Pvs, PvsCuller, PvsError, PvsTargets, Residency, SampledDegree, SampledDegrees, ScenePvs, Viewcell,
+    ViewcellId, Viewcells,
 };
 use visibility_core::{Aabb, Accuracy, Culler, ObjectId, Pose, Scene, View, VisibleSet};
 

@@ -442,7 +442,10 @@ mod tests {
             columns.add_step(0, 0, step(low, high));
             let block = &columns.face(0)[0];
             assert_eq!(block.common, step(0.0, 1.0), "the common step, after one from {low} to {high}");
-            assert!((0..BLOCK).all(|column| block.step(1, column) == Step::OPEN), "steps from {low} to {high}");
+            assert!(
+                (0..BLOCK).all(|column| block.step(1, column) == Step::OPEN),
+                "steps from {low} to {high}"
+            );
         }
     }
 

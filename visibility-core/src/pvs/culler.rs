@@ -166,9 +166,10 @@ impl ScenePvs {
     /// Names the objects by which the PVS hides others, in place of the occluders that [`new`](Self::new)
     /// chose. Nothing is hidden any more once one of them changes in the scene (a wall is taken away), and in
     /// views whose layers leave out one of them. A change that leaves bounds, transform, layers, flags,
-    /// mesh, triangles and draw range as they were, such as one of the cost, does not count. Nothing is hidden at all if one
-    /// of them is not [always drawn](Scene::is_always_drawn) or is [never culled](Object::is_unculled).
-    /// `scene` is the scene given to [`new`](Self::new), unchanged since. Unknown objects are ignored.
+    /// mesh, triangles and draw range as they were, such as one of the cost, does not count. Nothing is
+    /// hidden at all if one of them is not [always drawn](Scene::is_always_drawn) or is [never
+    /// culled](Object::is_unculled). `scene` is the scene given to [`new`](Self::new), unchanged since.
+    /// Unknown objects are ignored.
     #[must_use]
     pub fn with_occluders(mut self, scene: &Scene, occluders: impl IntoIterator<Item = ObjectId>) -> Self {
         self.occluders = Bits::new(scene.index_limit());

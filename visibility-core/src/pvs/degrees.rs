@@ -8,8 +8,7 @@
 //! Based on: the hardly visible sets of Carlos Andújar, Carlos Saona-Vázquez, Isabel Navazo and Pere Brunet,
 //! "Integrating Occlusion Culling and Levels of Detail through Hardly-Visible Sets", 2000; and the
 //! semi-quantitative occlusion that Fredo Durand, George Drettakis, Joelle Thollot and Claude Puech ask for
-//! in "Conservative Visibility Preprocessing using Extended Projections", 2000: the more hidden an object,
-//! the coarser its display.
+//! in "Conservative Visibility Preprocessing using Extended Projections", 2000.
 
 use super::{Pvs, PvsError, ViewcellId};
 use alloc::vec::Vec;

@@ -261,8 +261,8 @@ impl Residency {
     }
 
     /// Drops objects needed later than `place`, the least urgent first, until `bytes` more bytes fit into
-    /// memory. If dropping all of these objects does not suffice, drops none, and returns false. Takes logarithmic
-    /// time, besides that for each object dropped.
+    /// memory. If dropping all of these objects does not suffice, drops none, and returns false. Takes
+    /// logarithmic time, besides that for each object dropped.
     fn make_room(&mut self, bytes: u64, place: u32) -> bool {
         let free = self.limit - self.bytes;
         let up_to = |count: usize| count.checked_sub(1).map_or(0, |last| self.droppable[last].1);
