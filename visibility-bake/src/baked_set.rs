@@ -342,7 +342,8 @@ impl BakedSet {
                 rows.push(of.map(|(&index, _)| index).collect());
             }
         }
-        let (classes, rows) = classes(&rows.concat(), self.index_limit);
+        let all: Vec<&Vec<u32>> = rows.iter().flatten().collect();
+        let (classes, rows) = classes(&all, self.index_limit);
         let stored =
             |at: usize| stored_rows(&self.viewcells, classes.len(), &rows[at * count..(at + 1) * count]);
         let pvs = stored(0)?;

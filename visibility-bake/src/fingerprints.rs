@@ -43,14 +43,20 @@ pub(crate) fn level_fingerprint(
 pub struct BakeSource {
     /// [Version](crate::level_version()) of the level.
     pub(crate) level: u64,
-    /// Hash of the viewcells, in their order.
+    /// Hash of the viewcells, in their order, and of the box that they divide and by how much they are
+    /// misplaced in it.
     pub(crate) viewcells: u64,
 }
 
 impl BakeSource {
     /// Returns the source of results for the level with version `level` and for all of `viewcells`.
     pub(crate) fn new(level: u64, viewcells: &Viewcells) -> Self {
-        Self { level, viewcells: viewcells.cells().iter().fold(Fingerprint::new(), with_viewcell).value() }
+        let hash = viewcells.cells().iter().fold(Fingerprint::new(), with_viewcell);
+        let hash = match viewcells.divided_box() {
+            Some([min, max]) => hash.with(1).with_dvec3(min).with_dvec3(max),
+            None => hash.with(0),
+        };
+        Self { level, viewcells: hash.with_u64(viewcells.misplacement().to_bits()).value() }
     }
 }
 

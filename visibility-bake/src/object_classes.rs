@@ -115,7 +115,7 @@ pub(crate) fn class_bytes(classes: &[Vec<u32>]) -> Vec<u8> {
                 None => signed_code(i64::from(index) - i64::from(first)),
             };
             let code = number * 2 + u64::from(at + 1 < class.len());
-            // Indices are less than half of the greatest number, since `BakedSet::new` fails otherwise.
+            // Indices are less than half of the greatest number, since sets of more objects are refused.
             push_number(code as u32, &mut bytes);
             next = Some(index + 1);
         }

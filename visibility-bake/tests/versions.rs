@@ -310,6 +310,16 @@ fn results_of_another_level_make_no_set() {
     );
     let others = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::splat(1.5))]);
     assert_eq!(of(&scene, &others), Err(BakedSetError::OtherViewcells), "other viewcells");
+    let divided = |max: f64, misplacement: f64| {
+        Viewcells::of_divided_box(cells.cells().to_vec(), DVec3::ZERO, DVec3::splat(max), misplacement)
+    };
+    for (max, misplacement) in [(1.0, 0.0), (2.0, 0.0), (1.0, 0.25)] {
+        let of_divided = Bake::new(baker(&scene, &divided(max, misplacement))).run().source;
+        let made = |cells: Viewcells| BakedSet::new(&scene, cells, of_divided, &found.cells).is_ok();
+        assert!(made(divided(max, misplacement)), "of a box up to {max}, misplaced by {misplacement}");
+        assert!(!made(cells.clone()), "the same viewcells, of no box");
+        assert!(!made(divided(3.0, misplacement)) && !made(divided(max, 0.5)), "of another box");
+    }
     for (name, edit) in edits() {
         let mut edited = scene.clone();
         edit(&mut edited);

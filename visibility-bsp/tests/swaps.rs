@@ -9,8 +9,8 @@ use visibility_bsp::{
 };
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::{
-    Aabb, Culler, FrustumCuller, Object, ObjectId, OcclusionCuller, Pose, Scene, View, VisibleSet,
-    occlusion::Preparation,
+    Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, ObjectId, OcclusionCuller, Pipeline, Pose,
+    Scene, View, VisibleSet, occlusion::Preparation,
 };
 use visibility_testing::{Random, judged};
 
@@ -257,4 +257,54 @@ fn a_live_culler_answers_as_a_new_one_whatever_is_swapped() {
     }
     judged(hidden as u64);
     assert!(hidden > frames, "{hidden} in {frames}");
+}
+
+/// A later stage that removes objects by distance, which removes none here.
+struct ByDistance;
+
+impl Culler for ByDistance {
+    fn name(&self) -> &str {
+        "by distance"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Approximate
+    }
+
+    fn follows_draw_ranges(&self) -> bool {
+        true
+    }
+
+    fn cull(&mut self, scene: &Scene, _: &View, visible: &mut VisibleSet) -> CullStats {
+        visible.retain(scene, |_, _| true)
+    }
+}
+
+#[test]
+fn each_culler_that_hides_behind_a_wall_is_named_before_a_stage_that_may_remove_the_wall() {
+    let mut scene = Scene::new();
+    insert_wall(&mut scene, Aabb::from_arrays([4.0, -4.0, -4.0], [4.5, 4.0, 4.0]), 1);
+    let bounds = Aabb::from_arrays([6.0, -0.5, -0.5], [7.0, 0.5, 0.5]);
+    let target = scene.insert(bounds);
+    scene.set_triangles(target, triangles_of(&bounds)).unwrap();
+    let place = Place::new(prepared(scene));
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap();
+    let cullers: [Box<dyn Culler + Send + Sync>; 5] = [
+        Box::new(OcclusionCuller::new(OcclusionTree::new())),
+        Box::new(OcclusionTreeCuller::new(place.occluders.clone())),
+        Box::new(LargeOccludersCuller::new(place.occluders.clone())),
+        Box::new(ShadowFrustaCuller::new(place.frusta.clone())),
+        Box::new(NaylorCuller::new(place.tree.clone())),
+    ];
+    for mut culler in cullers {
+        let name = culler.name().to_owned();
+        assert!(hides(&mut *culler, &place.scene, &view, target), "{name} hides the target behind the wall");
+        let mut named = Vec::new();
+        let mut pipeline = Pipeline::new();
+        pipeline.push(culler);
+        pipeline.push(Box::new(ByDistance));
+        pipeline.for_each_lack(&place.scene, |stage, lack| named.push((stage.to_owned(), lack.count)));
+        assert!(named.contains(&(name.clone(), 1)), "{name}: {named:?}");
+    }
 }

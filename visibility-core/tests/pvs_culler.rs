@@ -493,6 +493,44 @@ fn another_mesh_or_place_of_an_occluders_mesh_counts() {
     }
 }
 
+/// An occluder without flag and triangles that the caller names: another turn of the object within the same
+/// bounds counts, and so does another mesh.
+#[test]
+fn another_turn_or_mesh_of_a_named_occluder_counts() {
+    type Change = fn(&mut Scene, ObjectId, Affine3A);
+    fn set_mesh(scene: &mut Scene, id: ObjectId, at: Affine3A, high: f32) {
+        let part = Aabb::from_arrays([-0.5, -0.25, -0.5], [0.5, high, 0.5]);
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&part).unwrap());
+        scene.set_mesh(id, mesh, at).unwrap();
+    }
+    let changes: [(&str, bool, bool, Change); 4] = [
+        ("the same place", false, false, |scene, id, at| scene.set_transform(id, at).unwrap()),
+        ("half a turn", false, true, |scene, id, at| {
+            let turn = Affine3A::from_scale(Vec3::new(-1.0, -1.0, 1.0));
+            let bounds = scene.bounds(id).unwrap();
+            scene.set_transform(id, at * turn).unwrap();
+            assert_eq!(scene.bounds(id).unwrap(), bounds, "the turned bounds");
+        }),
+        ("the same mesh", true, false, |scene, id, at| set_mesh(scene, id, at, 0.25)),
+        ("another mesh", true, true, |scene, id, at| set_mesh(scene, id, at, 0.1)),
+    ];
+    for (name, has_mesh, matters, change) in changes {
+        let (mut scene, ids, pvs, viewcells) = world();
+        let at = Affine3A::from_translation(scene.bounds(ids[0]).unwrap().center());
+        scene.set_local_bounds(ids[0], Aabb::from_arrays([-0.5, -0.25, -0.5], [0.5, 0.25, 0.5])).unwrap();
+        scene.set_transform(ids[0], at).unwrap();
+        if has_mesh {
+            set_mesh(&mut scene, ids[0], at, 0.25);
+        }
+        let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
+        let shared = shared.with_occluders(&scene, [ids[0]]);
+        let mut culler = PvsCuller::new(&shared);
+        assert_eq!(seen(&mut culler, &scene, &ids, 2.0).len(), 5, "{name}: before");
+        change(&mut scene, ids[0], at);
+        assert_eq!(seen(&mut culler, &scene, &ids, 2.0).len(), if matters { 10 } else { 5 }, "{name}");
+    }
+}
+
 #[test]
 fn a_named_occluder_that_is_no_longer_always_drawn_hides_nothing() {
     // The occluder is named by the caller, and has neither flag nor mesh in this scene.

@@ -107,8 +107,7 @@ impl Umbra {
         if !behind.iter().any(|side| side.classify(min, max, slack) == Containment::Outside) {
             return None;
         }
-        let mut fronts = alloc::vec![false; faces.len()];
-        let mut is_ever_front = fronts.clone();
+        let mut is_ever_front = alloc::vec![false; faces.len()];
         let mut edges: Vec<(u32, u32)> = Vec::new();
         let mut sides = Vec::new();
         for corner in 0..8 {
@@ -116,9 +115,9 @@ impl Umbra {
             let eye = DVec3::new(at(0, 0), at(1, 1), at(2, 2));
             edges.clear();
             for (index, face) in faces.iter().enumerate() {
-                fronts[index] = behind[index].normal.dot(eye - behind[index].anchor) < 0.0;
-                is_ever_front[index] |= fronts[index];
-                if fronts[index] {
+                let is_front = behind[index].normal.dot(eye - behind[index].anchor) < 0.0;
+                is_ever_front[index] |= is_front;
+                if is_front {
                     let next = |i: usize| if i + 1 == face.end { face.start } else { i + 1 };
                     edges.extend(face.clone().map(|i| (corners[i], corners[next(i)])));
                 }
@@ -129,7 +128,10 @@ impl Umbra {
             // is on the inner side of all its edges at least once, and its winding number is the number of
             // faces that show their fronts there, less those that show their backs. So the line of sight
             // meets a front. That the point is behind this front is certain by the sides added last, and the
-            // face that the whole box is in front of is a front for each corner.
+            // face that the whole box is in front of is a front for each corner. The line meets the front
+            // ahead of the eye and not behind it: the eye is certainly before that face, the point certainly
+            // behind it, and the whole solid is behind it too, so the half of the line that runs backwards
+            // from the eye meets no face.
             edges.sort_unstable();
             for &(from, to) in &edges {
                 if edges.binary_search(&(to, from)).is_err() {

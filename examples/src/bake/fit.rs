@@ -13,7 +13,7 @@ use glam::Vec3;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use visibility_bake::{CellSandwich, MethodTimes, Shard, ViewcellBudget, ViewcellFit};
+use visibility_bake::{BakeSource, CellSandwich, MethodTimes, Shard, ViewcellBudget, ViewcellFit};
 use visibility_core::bake::Progress;
 use visibility_core::pvs::Viewcells;
 
@@ -67,6 +67,8 @@ impl Budget {
 pub struct Fitted {
     /// Result of each viewcell.
     pub cells: Vec<CellSandwich>,
+    /// The level, as it was baked, and its fitted viewcells.
+    pub source: BakeSource,
     /// Times of the methods, for all viewcells that were baked in this run, divided ones included.
     pub times: MethodTimes,
     /// Whether all that can be done was done for all viewcells of all depths. Viewcells that are
@@ -97,8 +99,7 @@ pub fn fit(
 ) -> Result<Fitted, Failure> {
     let start = Instant::now();
     let mut fit = ViewcellFit::new(budget, level.viewcells.cells().iter().cloned());
-    let mut all =
-        Fitted { cells: Vec::new(), times: MethodTimes::default(), complete: true, too_large: 0, cut: 0 };
+    let (mut times, mut complete, mut too_large, mut cut) = (MethodTimes::default(), true, 0, 0);
     for depth in 0.. {
         level.viewcells = Viewcells::new(fit.waiting());
         let count = level.viewcells.cells().len();
@@ -120,10 +121,10 @@ pub fn fit(
                 let is_finished = done + outcome.too_large == count;
                 // The same depth without a limit of time has the same results.
                 let is_whole = is_finished && outcome.cut == 0 && (groups, swept) == (count, count);
-                all.times = [all.times, outcome.times.iter().sum()].iter().sum();
-                all.too_large += outcome.too_large;
-                all.cut += outcome.cut;
-                all.complete &= is_finished;
+                times = [times, outcome.times.iter().sum()].iter().sum();
+                too_large += outcome.too_large;
+                cut += outcome.cut;
+                complete &= is_finished;
                 if is_whole {
                     let shard = Shard::new(level.fingerprint(), outcome);
                     write(&file, &shard.to_bytes())?;
@@ -150,7 +151,7 @@ pub fn fit(
     }
     let (viewcells, cells) = fit.finish(|index| cost(level, index));
     level.viewcells = Viewcells::new(viewcells);
-    Ok(Fitted { cells, ..all })
+    Ok(Fitted { cells, source: level.baker().source(), times, complete, too_large, cut })
 }
 
 /// Removes the files of all depths of a bake whose result is stored: results and states.

@@ -273,8 +273,8 @@ fn write_fitted(
     seconds: f64,
     base: &Path,
 ) -> Result<(), Failure> {
-    let Fitted { cells, times, complete, too_large, cut } = fitted;
-    let set = level.set(level.baker().source(), &cells, &arguments.degrees)?;
+    let Fitted { cells, source, times, complete, too_large, cut } = fitted;
+    let set = level.set(source, &cells, &arguments.degrees)?;
     write(&arguments.out, &set.to_bytes())?;
     let mut report = Report::new(level, &cells, &[], &set, seconds, complete);
     (report.methods, report.too_large, report.cut) = ((&times).into(), too_large, cut);

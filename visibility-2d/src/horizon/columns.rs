@@ -218,8 +218,12 @@ impl Columns {
         }
     }
 
-    /// Adds a step to all columns of the block with index `block` in a face.
+    /// Adds a step to all columns of the block with index `block` in a face. A step whose top, rounded, is
+    /// not above its bottom hides nothing, and is left out: its top could be the highest of its columns.
     pub(crate) fn add_step(&mut self, face: usize, block: usize, step: Step) {
+        if step.low >= step.high {
+            return;
+        }
         let block = &mut self.face_mut(face)[block];
         (0..BLOCK).for_each(|column| insert(block, column, step));
         block.summarize();
@@ -425,6 +429,23 @@ mod tests {
                     assert!(!is_seen || is_near, "{begin:?} to {end:?} is far from {column}");
                 }
             }
+        }
+    }
+
+    /// A step whose top is below its bottom leaves the block as it was, also if its top is the highest.
+    #[test]
+    fn inverted_steps_are_left_out() {
+        let mut columns = columns(0.0, COUNT as f64);
+        let step = |low, high| Step { inverse_depth: 0.5, low, high };
+        columns.add_step(0, 0, step(0.0, 1.0));
+        for (low, high) in [(3.0, 2.0), (2.0, 2.0)] {
+            columns.add_step(0, 0, step(low, high));
+            let block = &columns.face(0)[0];
+            assert_eq!(block.common, step(0.0, 1.0), "the common step, after one from {low} to {high}");
+            assert!(
+                (0..BLOCK).all(|column| block.step(1, column) == Step::OPEN),
+                "steps from {low} to {high}"
+            );
         }
     }
 

@@ -146,6 +146,10 @@ impl Culler for LargeOccludersCuller {
         Accuracy::Conservative
     }
 
+    fn hides_behind_objects(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let news = self.selector.follow(&self.occluders, scene);
         let rounded_eye = self.rounded_eye(view.eye(scene.origin()));

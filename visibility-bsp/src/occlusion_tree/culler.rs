@@ -84,6 +84,10 @@ impl Culler for OcclusionTreeCuller {
         Accuracy::Conservative
     }
 
+    fn hides_behind_objects(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let occluders = &self.occluders;
         self.selector.follow(occluders, scene);

@@ -75,6 +75,10 @@ impl Culler for ShadowFrustaCuller {
         Accuracy::Conservative
     }
 
+    fn hides_behind_objects(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let occluders = &self.frusta.occluders;
         self.selector.follow(occluders, scene);

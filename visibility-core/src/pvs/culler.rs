@@ -16,7 +16,7 @@ use crate::{
 };
 use alloc::vec::Vec;
 use core::borrow::Borrow;
-use glam::DVec3;
+use glam::{Affine3A, DVec3};
 
 /// A PVS prepared for a scene: the PVS, the regions of its viewcells, and the targets of each object. Shared
 /// by the cullers of all views.
@@ -56,8 +56,8 @@ pub struct ScenePvs {
 #[derive(Clone, Debug)]
 struct OccluderState {
     id: ObjectId,
-    /// Hash of bounds, layers, flags, and occluder mesh with its transform, and of whether the object is
-    /// always drawn.
+    /// Hash of bounds, layers, flags, the object's own transform, and occluder mesh with its transform (also
+    /// of an object that is not flagged as an occluder), and of whether the object is always drawn.
     hash: u64,
     triangles: Option<SharedTriangles>,
 }
@@ -65,11 +65,16 @@ struct OccluderState {
 impl OccluderState {
     fn of(scene: &Scene, id: ObjectId) -> Self {
         let mut hash = Fingerprint::new().with(scene.is_always_drawn(id).into());
-        if let Some((object, mesh)) = level_object(scene, id) {
+        let with_transform = |hash: Fingerprint, transform: Affine3A| {
+            transform.to_cols_array().into_iter().map(f32::to_bits).fold(hash, Fingerprint::with)
+        };
+        if let Some((object, _)) = level_object(scene, id) {
             hash = hash.with_u64(object_hash(&Object { cost: 0, ..object }, Triangles::default(), None));
-            if let Some((mesh, transform)) = mesh {
-                hash = hash.with_u64(mesh.fingerprint().value());
-                hash = transform.to_cols_array().into_iter().map(f32::to_bits).fold(hash, Fingerprint::with);
+            // A caller may name an object that has no flag, and no triangles that tell how it is turned
+            // within its bounds.
+            hash = with_transform(hash, scene.own_transform(id.index() as u32));
+            if let Some((mesh, transform)) = scene.mesh_of_occluder(id) {
+                hash = with_transform(hash.with_u64(mesh.fingerprint().value()), transform);
             }
         }
         Self { id, hash: hash.value(), triangles: scene.shared_triangles(id).cloned() }
@@ -160,10 +165,11 @@ impl ScenePvs {
 
     /// Names the objects by which the PVS hides others, in place of the occluders that [`new`](Self::new)
     /// chose. Nothing is hidden any more once one of them changes in the scene (a wall is taken away), and in
-    /// views whose layers leave out one of them. A change that leaves bounds, layers, flags, mesh, triangles
-    /// and draw range as they were, such as one of the cost, does not count. Nothing is hidden at all if one
-    /// of them is not [always drawn](Scene::is_always_drawn) or is [never culled](Object::is_unculled).
-    /// `scene` is the scene given to [`new`](Self::new), unchanged since. Unknown objects are ignored.
+    /// views whose layers leave out one of them. A change that leaves bounds, transform, layers, flags,
+    /// mesh, triangles and draw range as they were, such as one of the cost, does not count. Nothing is
+    /// hidden at all if one of them is not [always drawn](Scene::is_always_drawn) or is [never
+    /// culled](Object::is_unculled). `scene` is the scene given to [`new`](Self::new), unchanged since.
+    /// Unknown objects are ignored.
     #[must_use]
     pub fn with_occluders(mut self, scene: &Scene, occluders: impl IntoIterator<Item = ObjectId>) -> Self {
         self.occluders = Bits::new(scene.index_limit());
@@ -354,10 +360,6 @@ pub struct PvsCuller<S> {
     is_answered: bool,
     /// Degrees of visibility from the viewcells in `entered`.
     degrees: DegreesOfViewcells,
-    /// Degrees of visibility from the viewcells in `touched_before`.
-    degrees_from_box: DegreesOfViewcells,
-    /// Whether the answer of the last call of [`write_hidden`](HiddenSets::write_hidden) was known.
-    is_box_answered: bool,
     /// Viewcells in which the view's lines of sight began when `seen` was last computed, ascending.
     entered: Vec<ViewcellId>,
     /// Whether `entered` and `seen` are valid: false before the first frame, and after the [`ScenePvs`] was
@@ -408,8 +410,6 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             least: SampledDegree::Unseen,
             is_answered: false,
             degrees: DegreesOfViewcells::default(),
-            degrees_from_box: DegreesOfViewcells::default(),
-            is_box_answered: false,
             entered: Vec::new(),
             is_entered: false,
             entering: Vec::new(),
@@ -452,15 +452,12 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
     /// for the view, or the object is never hidden by them or has changed. An object that they hide is
     /// [`Unseen`](SampledDegree::Unseen). Takes constant time for an object with one target.
     pub fn degree(&self, id: ObjectId) -> Option<SampledDegree> {
-        self.degree_in(&self.degrees, id).filter(|_| self.is_answered)
-    }
-
-    fn degree_in(&self, degrees: &DegreesOfViewcells, id: ObjectId) -> Option<SampledDegree> {
         let shared = self.shared.borrow();
-        if self.made_from != shared.stamp || self.changed.contains(id.index()) {
+        let is_known = self.is_answered && self.made_from == shared.stamp;
+        if !is_known || self.changed.contains(id.index()) {
             return None;
         }
-        degrees.of(shared.targets_of(id)?)
+        self.degrees.of(shared.targets_of(id)?)
     }
 
     /// Returns the shared [`ScenePvs`] for replacement. The next frame takes a new [`ScenePvs`] into account.
@@ -483,7 +480,6 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
             self.is_entered = false;
             self.touched_before.clear();
             self.degrees.forget();
-            self.degrees_from_box.forget();
             self.cursor = SceneCursor::START;
         }
         let mut changes = self.cursor.follow(scene);
@@ -640,7 +636,6 @@ impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
     /// object that the PVS may hide: some nanoseconds for each, seen or not.
     fn write_hidden(&mut self, scene: &Scene, min: DVec3, max: DVec3, hidden: &mut Bits) -> bool {
         self.follow(scene);
-        self.is_box_answered = false;
         let shared = self.shared.borrow();
         let is_usable = min.cmple(max).all() && min.is_finite() && max.is_finite();
         if !is_usable || self.lost || shared.occluder_layers.contains(&0) {
@@ -677,9 +672,6 @@ impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
                 &mut self.seen_from_one,
             );
             core::mem::swap(&mut self.entering, &mut self.touched_before);
-            if let Some(degrees) = &shared.degrees {
-                self.degrees_from_box.read(degrees, &self.touched_before, shared.target_limit);
-            }
         }
         hidden.reset(scene.index_limit());
         let around = Aabb::from_world(min, max, scene.origin());
@@ -691,12 +683,6 @@ impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
         }
         shared.for_each_seen(&self.seen_from_box, |id| _ = hidden.remove(id.index()));
         self.changed.iter().for_each(|index| _ = hidden.remove(index));
-        self.is_box_answered = true;
         true
-    }
-
-    /// The degree of the object from the viewcells that the box touches.
-    fn degree_from_box(&self, id: ObjectId) -> Option<SampledDegree> {
-        self.degree_in(&self.degrees_from_box, id).filter(|_| self.is_box_answered)
     }
 }

@@ -8,11 +8,9 @@
 //! Based on: the hardly visible sets of Carlos Andújar, Carlos Saona-Vázquez, Isabel Navazo and Pere Brunet,
 //! "Integrating Occlusion Culling and Levels of Detail through Hardly-Visible Sets", 2000; and the
 //! semi-quantitative occlusion that Fredo Durand, George Drettakis, Joelle Thollot and Claude Puech ask for
-//! in "Conservative Visibility Preprocessing using Extended Projections", 2000: the more hidden an object,
-//! the coarser its display.
+//! in "Conservative Visibility Preprocessing using Extended Projections", 2000.
 
 use super::{Pvs, PvsError, ViewcellId};
-use crate::geometry::sqrt;
 use alloc::vec::Vec;
 
 /// How much of an object shows from a viewcell, estimated from sampled eyes. Lesser degrees come first.
@@ -62,18 +60,6 @@ impl SampledDegree {
             Self::Widely => f64::INFINITY,
         }
     }
-
-    /// Returns the angle in radians across a disc that covers as much of the picture as
-    /// [`most_shown`](Self::most_shown), for small angles. Infinity for [`Widely`](Self::Widely).
-    ///
-    /// ```
-    /// use visibility_core::pvs::SampledDegree;
-    /// // At 60 degrees upwards, 1,080 rows are 935 pixels a radian: a disc of 23 pixels.
-    /// assert!((SampledDegree::Hardly.most_shown_angle() * 935.0 - 23.3).abs() < 0.1);
-    /// ```
-    pub fn most_shown_angle(self) -> f64 {
-        2.0 * sqrt(self.most_shown() / core::f64::consts::PI)
-    }
 }
 
 /// The degrees in which each viewcell of a [`Pvs`] sees each target, estimated from sampled eyes.
@@ -98,11 +84,15 @@ impl SampledDegrees {
     /// Joins the sets of a bake. `at_least` are the sets of targets with the degrees
     /// [`Hardly`](SampledDegree::Hardly), [`Partly`](SampledDegree::Partly) and
     /// [`Widely`](SampledDegree::Widely) or greater ones, for the viewcells and targets of `pvs`. `eyes` is
-    /// the number of eyes sampled in each viewcell. Time is linear in the numbers of viewcells times targets.
+    /// the number of eyes sampled in each viewcell. The caller promises that each set sees only targets that
+    /// the set before (first `pvs`) sees: rows are not compared, which would take a time that the size of a
+    /// file does not bound. A target that one of the sets before lacks has the degree before that set.
+    /// [`at_least`](Self::at_least) returns the sets as they are, so that a culler with a [least
+    /// degree](super::PvsCuller::with_least_degree) keeps such a target too. Takes constant time.
     ///
     /// # Errors
     /// [`PvsError::Degrees`] if `eyes` is 0, or if a set has other numbers of viewcells or targets than
-    /// `pvs`, or sees a target that the set before (first `pvs`) does not.
+    /// `pvs`.
     pub fn new(pvs: &Pvs, eyes: u32, at_least: [Pvs; 3]) -> Result<Self, PvsError> {
         let fault = |problem| Err(PvsError::Degrees { problem });
         if eyes == 0 {
@@ -111,17 +101,6 @@ impl SampledDegrees {
         let degrees = Self { eyes, at_least };
         if !degrees.fit(pvs) {
             return fault("the numbers of viewcells or targets differ from those of the PVS");
-        }
-        let (mut outer, mut inner) = (Vec::new(), Vec::new());
-        for viewcell in (0..pvs.viewcell_count() as u32).map(ViewcellId) {
-            pvs.write_bits(viewcell, &mut outer);
-            for set in &degrees.at_least {
-                set.write_bits(viewcell, &mut inner);
-                if inner.iter().zip(&outer).any(|(inner, outer)| inner & !outer != 0) {
-                    return fault("a target has a greater degree without the lesser one");
-                }
-                core::mem::swap(&mut inner, &mut outer);
-            }
         }
         Ok(degrees)
     }

@@ -1,7 +1,6 @@
 //! `HiddenSets`: what is hidden from all of a box, as baked sets and sets made online both answer it; and how
 //! much an object matters to an eye in that box.
 
-use super::SampledDegree;
 use crate::bits::Bits;
 use crate::{ObjectId, Scene};
 use glam::DVec3;
@@ -23,13 +22,6 @@ pub trait HiddenSets {
     /// is inverted or not finite, or the scene has changed too much. Every object may be visible then, and
     /// the content of `hidden` is unspecified.
     fn write_hidden(&mut self, scene: &Scene, min: DVec3, max: DVec3, hidden: &mut Bits) -> bool;
-
-    /// Returns the degree in which an object shows from the box of the last call of
-    /// [`write_hidden`](Self::write_hidden), if that call knew the answer: an estimate, by which loads are
-    /// ordered and nothing is hidden. `None` if it is not known. The default implementation returns `None`.
-    fn degree_from_box(&self, _id: ObjectId) -> Option<SampledDegree> {
-        None
-    }
 }
 
 /// Returns the diagonal of an object's bounds divided by their distance from a box in world space, from `min`

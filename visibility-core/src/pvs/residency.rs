@@ -3,7 +3,7 @@
 //! Based on: the ordering of what to read by when and how large it is seen in Thomas Funkhouser, Carlo Sequin
 //! and Seth Teller, "Management of Large Amounts of Data in Interactive Building Walkthroughs", 1992.
 
-use super::{HiddenSets, SampledDegree, importance};
+use super::{HiddenSets, importance};
 use crate::bits::Bits;
 use crate::{ObjectId, Scene};
 use alloc::collections::BinaryHeap;
@@ -32,10 +32,7 @@ const NOWHERE: u32 = u32::MAX;
 /// first. Each box must hold all points at which lines of sight begin, since what is seen from these is
 /// drawn: the eye, and the corners of the near plane. An object is needed at the first place from which it is
 /// not hidden. Objects needed sooner are loaded before objects needed later, and among these the one with the
-/// greatest [`importance`] from the place comes first. Equal ones come by [index](ObjectId::index). If the
-/// sets know [how much shows](HiddenSets::degree_from_box) of an object, its importance is at most the
-/// [angle](SampledDegree::most_shown_angle) in which it shows: a desk behind a door ajar comes after a small
-/// thing in full view.
+/// greatest [`importance`] from the place comes first. Equal ones come by [index](ObjectId::index).
 ///
 /// An object is dropped only for the memory of a more urgent one that is loaded in the same update: first the
 /// objects that are hidden from all places, the least important one first, then those needed last. An object
@@ -46,10 +43,10 @@ const NOWHERE: u32 = u32::MAX;
 ///
 /// # Cost
 /// An update takes some nanoseconds for each object of the scene and each place, besides what the sets take,
-/// and a logarithmic time for each object that is loaded. While memory is full, an update also asks the size
-/// of each object that is needed and missing, at most four times, and sorts the objects in memory that may be
-/// dropped. Whatever the sizes, the time is O(n log n). Once its
-/// scratch memory is large enough, an update allocates nothing, besides what the sets allocate.
+/// and a logarithmic time and a question for its size for each object that is loaded. While memory is full,
+/// an update also takes that for each object that is needed and missing, and sorts the objects in memory that
+/// may be dropped. Whatever the sizes, the time is O(n log n). Once its scratch memory is large enough, an
+/// update allocates nothing, besides what the sets allocate.
 ///
 /// ```
 /// use visibility_core::pvs::{Pvs, PvsCuller, PvsTargets, Residency, ScenePvs, Viewcell, Viewcells};
@@ -88,9 +85,6 @@ pub struct Residency {
     /// Indexed by [`ObjectId::index`]: number of the first place from which the object is not hidden, or
     /// [`NOWHERE`].
     needed: Vec<u32>,
-    /// Indexed by [`ObjectId::index`]: greatest angle in radians in which the object shows from the place
-    /// where it is needed. Infinite if that is not known, and for objects that are hidden from all places.
-    shown: Vec<f64>,
     /// Scratch: the objects hidden from a place.
     hidden: Bits,
     /// Scratch: objects to load.
@@ -143,7 +137,6 @@ impl Residency {
             drops: Vec::new(),
             is_complete: false,
             needed: Vec::new(),
-            shown: Vec::new(),
             hidden: Bits::EMPTY,
             missing: BinaryHeap::new(),
             droppable: Vec::new(),
@@ -152,7 +145,7 @@ impl Residency {
 
     /// Finds what to [load](Self::loads) and to [drop](Self::drops) now, and counts it as loaded and dropped.
     /// `places` are boxes in world space, each given by its minimum and its maximum in metres. `size` gives
-    /// the bytes of an object that is not in memory, and may be called several times for one object. All
+    /// the bytes of an object that is not in memory, and is called at most once for each object. All
     /// updates are for the same scene.
     ///
     /// Loads take up to `budget` bytes in the order of their urgency. The last one may exceed the budget;
@@ -185,12 +178,7 @@ impl Residency {
         self.debt -= paid;
         let mut left = budget - paid;
         self.is_complete = !places.is_empty();
-        // Number of sizes that may be asked to find objects without room among those that are left: one for
-        // each missing object, and two more for each that was taken out. So the sizes asked are at most four
-        // for each object, however often an object finds no room.
-        let mut credit = self.missing.len();
         while let Some(Ranked { place, object, .. }) = self.missing.pop() {
-            credit += 2;
             if left == 0 {
                 self.is_complete &= place > 0;
                 break;
@@ -200,13 +188,8 @@ impl Residency {
                 self.rank_droppable(scene, places, unknown);
                 is_ranked = true;
             }
-            if let Err(room) = self.make_room(bytes, place) {
+            if !self.make_room(bytes, place) {
                 self.is_complete &= place > 0;
-                // Less urgent objects find no more room than this one.
-                if let Some(rest) = credit.checked_sub(self.missing.len()) {
-                    credit = rest;
-                    self.missing.retain(|other| size(other.object) <= room);
-                }
                 continue;
             }
             let transfer = Transfer { object, bytes };
@@ -223,8 +206,6 @@ impl Residency {
     fn find_needs(&mut self, scene: &Scene, sets: &mut dyn HiddenSets, places: &[[DVec3; 2]]) -> u32 {
         self.needed.clear();
         self.needed.resize(scene.index_limit(), NOWHERE);
-        self.shown.clear();
-        self.shown.resize(scene.index_limit(), f64::INFINITY);
         let mut unknown = NOWHERE;
         for (place, &[min, max]) in (0..).zip(places) {
             let is_known = sets.write_hidden(scene, min, max, &mut self.hidden);
@@ -240,9 +221,6 @@ impl Residency {
                 let is_hidden = is_known && self.hidden.contains(id.index()) && is_culled(id);
                 if *needed == NOWHERE && !is_hidden {
                     *needed = place;
-                    let degree = sets.degree_from_box(id).filter(|_| is_known);
-                    let shown = degree.map_or(f64::INFINITY, SampledDegree::most_shown_angle);
-                    self.shown[id.index()] = shown;
                 }
             }
         }
@@ -252,11 +230,11 @@ impl Residency {
     /// Fills `missing` with the objects that are needed and not in memory.
     fn rank_missing(&mut self, scene: &Scene, places: &[[DVec3; 2]]) {
         self.missing.clear();
-        let (resident, needed, shown) = (&self.resident, &self.needed, &self.shown);
+        let (resident, needed) = (&self.resident, &self.needed);
         self.missing.extend(scene.ids().filter_map(|id| {
             let place = needed[id.index()];
             let &[min, max] = places.get(place as usize).filter(|_| resident[id.index()].is_none())?;
-            let importance = importance(scene, id, min, max).min(shown[id.index()]);
+            let importance = importance(scene, id, min, max);
             Some(Ranked { place, importance, object: id })
         }));
     }
@@ -269,7 +247,7 @@ impl Residency {
             let place = self.needed[id.index()].min(unknown);
             if place > 0 {
                 let [min, max] = places.get(place as usize).copied().unwrap_or(first);
-                let importance = importance(scene, id, min, max).min(self.shown[id.index()]);
+                let importance = importance(scene, id, min, max);
                 self.droppable.push((Ranked { place, importance, object: id }, 0));
             }
         }
@@ -283,22 +261,22 @@ impl Residency {
     }
 
     /// Drops objects needed later than `place`, the least urgent first, until `bytes` more bytes fit into
-    /// memory. If dropping all of these objects does not suffice, drops none, and returns the number of bytes
-    /// that would fit without them. Takes logarithmic time, besides that for each object dropped.
-    fn make_room(&mut self, bytes: u64, place: u32) -> Result<(), u64> {
+    /// memory. If dropping all of these objects does not suffice, drops none, and returns false. Takes
+    /// logarithmic time, besides that for each object dropped.
+    fn make_room(&mut self, bytes: u64, place: u32) -> bool {
         let free = self.limit - self.bytes;
         let up_to = |count: usize| count.checked_sub(1).map_or(0, |last| self.droppable[last].1);
         let needed = self.droppable.partition_point(|(ranked, _)| ranked.place <= place);
         let later = up_to(self.droppable.len()) - up_to(needed);
         if bytes > free + later {
-            return Err(free + later);
+            return false;
         }
         while bytes > self.limit - self.bytes
             && let Some((last, _)) = self.droppable.pop()
         {
             self.release(last.object.index());
         }
-        Ok(())
+        true
     }
 
     /// Takes an object out of memory.

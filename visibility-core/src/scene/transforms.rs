@@ -81,7 +81,7 @@ impl Scene {
     }
 
     /// Returns the transform that was set for an object; the identity if none was.
-    fn own_transform(&self, index: u32) -> Affine3A {
+    pub(crate) fn own_transform(&self, index: u32) -> Affine3A {
         self.placements.get(index).map_or(Affine3A::IDENTITY, |placement| placement.transform)
     }
 

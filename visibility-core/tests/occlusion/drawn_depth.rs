@@ -262,3 +262,23 @@ fn a_still_camera_sees_every_change_of_the_candidates() {
         assert!(!hidden[SETTLING - 1], "after a rebuild, the hidden box is drawn: {hidden:?}");
     }
 }
+
+/// What a look at a frame left was drawn in that frame alone.
+#[test]
+fn candidates_that_change_between_looks_are_others_in_the_next_frame() {
+    for looks in [1, 2] {
+        let mut engine = Engine::new(1);
+        (0..SETTLING).for_each(|_| _ = engine.frame(looks));
+        engine.begin();
+        (0..looks).for_each(|look| engine.look(Some(look)));
+        // An earlier stage removes the wall, which has been drawn.
+        engine.leaves_out_wall = true;
+        engine.look(None);
+        assert!(!engine.drawn.contains(&engine.behind), "{looks} looks ahead: hidden by the wall");
+        let later: Vec<bool> = (0..SETTLING).map(|_| engine.frame(0)).collect();
+        assert_eq!(later, [true; SETTLING], "{looks} looks ahead: frames without the wall");
+        engine.leaves_out_wall = false;
+        let hidden: Vec<bool> = (0..SETTLING).map(|_| engine.frame(0)).collect();
+        assert!(!hidden[SETTLING - 1], "{looks} looks ahead: the wall is drawn again: {hidden:?}");
+    }
+}

@@ -16,10 +16,6 @@
 //! picture, perspective draws objects larger than this size. In a parallel view the size does not depend on
 //! the distance, and the distance counts as 0, since there is no eye to measure it from.
 //!
-//! Of an object that is mostly hidden, a bake may know how much shows at most
-//! ([`SampledDegree`](visibility_core::pvs::SampledDegree)):
-//! [`LodSelector::select_shown`] then chooses a coarser level.
-//!
 //! Hiding small objects is an error that the user chose: cullers here are
 //! [`Approximate`](visibility_core::Accuracy::Approximate), and `visibility-measure` counts their wrong
 //! pixels. They do promise that no object as large as the limit is hidden for its size, whatever the

@@ -72,14 +72,6 @@ impl PixelScale {
         if gap == 0.0 { f64::INFINITY } else { size / gap }
     }
 
-    /// Returns the square of the size in pixels, in the middle of the picture, of what is seen at an angle of
-    /// `angle` radians: for small angles. Infinite in a parallel view, which has no such angle, and for an
-    /// infinite or NaN angle.
-    pub(super) fn angle_squared(&self, angle: f64) -> f64 {
-        let squared = self.squared * angle * angle;
-        if self.is_parallel || squared.is_nan() { f64::INFINITY } else { squared }
-    }
-
     /// Returns the distance in metres from the eye to the nearest point of a box, 0 if the eye is in the box
     /// or the view is parallel.
     pub fn distance(&self, bounds: &Aabb) -> f64 {

@@ -214,55 +214,7 @@ impl LodSelector {
         view: &View,
         visible: &VisibleSet,
         elapsed: f32,
-        sizes: impl FnMut(ObjectId) -> &'a [f32],
-    ) {
-        self.select_shown(scene, view, visible, elapsed, sizes, |_| f64::INFINITY);
-    }
-
-    /// Chooses levels as [`select`](Self::select) does, for objects of which only a part shows: the more
-    /// hidden an object, the coarser its level. `shown` returns the greatest angle in radians across what
-    /// shows of an object, infinity if that is not known. The size by which the level is chosen is at most
-    /// that angle in pixels, in the middle of the picture. In a parallel view all levels are those of
-    /// `select`.
-    ///
-    /// The angle is usually that of a [degree](visibility_core::pvs::SampledDegree::most_shown_angle), an
-    /// estimate: a coarser level than that of the object's size may show in more pixels than estimated.
-    ///
-    /// ```
-    /// use visibility_core::pvs::{
-    ///     Pvs, PvsCuller, PvsTargets, SampledDegree, SampledDegrees, ScenePvs, Viewcell, Viewcells,
-    /// };
-    /// use visibility_core::{Aabb, Culler, FrustumCuller, Pose, Scene, View, VisibleSet, glam::DVec3};
-    /// use visibility_frame::lod::LodSelector;
-    /// let mut scene = Scene::new();
-    /// let desk = scene.insert(Aabb::from_arrays([9.0, -1.0, -1.0], [11.0, 1.0, 1.0]));
-    /// // From the room, little of the desk shows. `bake --degrees` writes such sets.
-    /// let set = |row: &[u32]| Pvs::new(PvsTargets::Objects, 1, &[row.to_vec()], |_| []);
-    /// let degrees = SampledDegrees::new(&set(&[0])?, 32, [set(&[0])?, set(&[])?, set(&[])?])?;
-    /// let room = Viewcells::new([Viewcell::from_box(DVec3::splat(-2.0), DVec3::splat(2.0))]);
-    /// let mut sets = ScenePvs::new(&scene, set(&[0])?, room, [(desk, 0)]);
-    /// sets.set_degrees(degrees)?;
-    /// let mut reader = PvsCuller::new(sets);
-    /// // Each frame:
-    /// let (mut visible, mut lods) = (VisibleSet::new(), LodSelector::new(1080.0));
-    /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
-    /// let view = View::perspective(pose, 1.0, 1.5, 0.1, 100.0)?;
-    /// visible.fill(&scene, &view);
-    /// reader.cull(&scene, &view, &mut visible);
-    /// let shown = |id| reader.degree(id).map_or(f64::INFINITY, SampledDegree::most_shown_angle);
-    /// lods.select_shown(&scene, &view, &visible, 1.0 / 60.0, |_id| &[500.0, 120.0, 30.0], shown);
-    /// // A desk in full view has level 1, as in the example of the selector.
-    /// assert_eq!(lods.lod(desk).map(|lod| lod.level), Some(3));
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
-    pub fn select_shown<'a>(
-        &mut self,
-        scene: &Scene,
-        view: &View,
-        visible: &VisibleSet,
-        elapsed: f32,
         mut sizes: impl FnMut(ObjectId) -> &'a [f32],
-        mut shown: impl FnMut(ObjectId) -> f64,
     ) {
         if !self.scene.is_in(scene) {
             self.reset();
@@ -277,7 +229,7 @@ impl LodSelector {
         let step = if self.fade_seconds > 0.0 { elapsed.max(0.0) / self.fade_seconds } else { f32::INFINITY };
         visible.iter(scene).for_each(|id| {
             let Ok(bounds) = scene.bounds(id) else { return };
-            let size = scale.diameter_squared(&bounds).min(scale.angle_squared(shown(id)));
+            let size = scale.diameter_squared(&bounds);
             let sizes = sizes(id);
             let level = |factor: f64| level_of(size, &sizes[..sizes.len().min(255)], factor);
             // An object that was selected in the frame before keeps its level within the hysteresis, and goes

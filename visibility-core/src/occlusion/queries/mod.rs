@@ -104,6 +104,11 @@ pub struct HardwareQueries<D> {
     /// Number of the first frame whose answers are about the present depth buffer: view, scene, candidates
     /// and occluders have been the same since. The present frame, if it began with a look ahead.
     since: u64,
+    /// Least value of `since` in the next frame: that frame's number, if this frame's depth buffer holds what
+    /// only its earlier looks left or added.
+    least_since: u64,
+    /// Whether the present look is not the first of its frame.
+    is_later_look: bool,
     /// View of the present frame. `None` before the first frame, and when the depth buffer will differ for
     /// another reason.
     view: Option<View>,
@@ -132,6 +137,8 @@ impl<D: QueryDevice> HardwareQueries<D> {
             late,
             frame: 0,
             since: 0,
+            least_since: 0,
+            is_later_look: false,
             view: None,
             origin: DVec3::NAN,
             near: None,
@@ -169,10 +176,12 @@ impl<D: QueryDevice> HardwareQueries<D> {
     /// - The samples of the picture are others with an equal view: another resolution, or a jitter that is
     ///   not in the view's matrix.
     ///
-    /// There is no need to call it for another view, scene or origin, nor for changes of the scene or of the
-    /// candidates that the earlier stages leave. A frame
-    /// that [looks ahead](OcclusionCuller::look_ahead) does not need it either: it uses no answers for
-    /// earlier frames. [`LateAnswers::Trusted`] is not affected.
+    /// - The frame before was abandoned after a [look ahead](OcclusionCuller::look_ahead), the frame to come
+    ///   has the same view and does not look ahead, and it does not draw all that the abandoned frame drew.
+    ///
+    /// But for an abandoned frame, there is no need to call it for another view, scene or origin, nor for
+    /// changes of the scene or of the candidates that the earlier stages leave. A frame that looks ahead does
+    /// not need it either: it uses no answers for earlier frames. [`LateAnswers::Trusted`] is not affected.
     pub fn invalidate(&mut self) {
         self.view = None;
     }
@@ -213,6 +222,16 @@ impl<D: QueryDevice> HardwareQueries<D> {
             let answer = self.boxes.answer(bounds, self.frame, renewed);
             self.judge(answer)
         })
+    }
+
+    /// Notes that candidates or occluders are not those of the look before. Answers to earlier looks of this
+    /// frame still count: what these looks left has been drawn. The next frame does not draw it, if its
+    /// candidates are those of the present look, so it uses no answer of this frame.
+    fn picture_changed(&mut self) {
+        self.since = self.frame;
+        if self.is_later_look {
+            self.least_since = self.frame + 1;
+        }
     }
 
     /// Returns the number of the first frame whose answers may be used in the present frame.
@@ -256,6 +275,10 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
             self.view = Some(*view);
             self.since = self.frame;
         }
+        self.is_later_look = is_same_frame;
+        if !is_same_frame {
+            self.since = self.since.max(self.least_since);
+        }
         self.near = view.near_plane(origin);
         let planes = view.clip_planes_from(origin);
         self.clip_planes = (planes.as_slice().len() == view.clip_planes().len()).then_some(planes);
@@ -271,7 +294,7 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
 
     fn flush(&mut self) {
         if self.drawn[0] != self.drawn[1] {
-            self.since = self.frame;
+            self.picture_changed();
         }
     }
 
@@ -298,8 +321,7 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
     }
 
     fn candidates_changed(&mut self) {
-        // Answers to earlier looks of this frame still count: what these looks left has been drawn.
-        self.since = self.frame;
+        self.picture_changed();
     }
 
     fn reset(&mut self) {
@@ -326,7 +348,8 @@ impl<D: QueryDevice, H: BoxHierarchy> OcclusionCuller<HardwareQueries<D>, H> {
     /// - Look 0 begins a frame. If the frame before it was abandoned after a look ahead, its answers do not
     ///   count, even if the view is the same.
     /// - A frame without a look ahead that follows an abandoned frame of the same view counts as its end.
-    ///   Call [`HardwareQueries::invalidate`] before it unless the same objects are drawn again.
+    ///   Call [`HardwareQueries::invalidate`] before it unless the same objects are drawn again, also if
+    ///   earlier stages have removed them from the set.
     /// - If scene, view or origin change between the looks at a frame, the next look begins a frame. The
     ///   engine then clears the depth buffer, and draws this frame anew.
     ///
