@@ -2,7 +2,9 @@
 //! tangents meets first.
 
 use std::collections::BTreeSet;
-use visibility_2d::discs::{Disc, DiscError, DiscView, DiscZone, Discs, KineticZone};
+#[cfg(feature = "papers")]
+use visibility_2d::discs::KineticZone;
+use visibility_2d::discs::{Disc, DiscError, DiscView, DiscZone, Discs};
 use visibility_testing::allocations::ALLOCATIONS;
 use visibility_testing::{Random, judged};
 
@@ -151,6 +153,7 @@ fn a_ball_sees_what_any_of_its_eyes_sees() {
 
 /// Walks among random discs in steps of random length. In each frame, the updated zone must equal the zone
 /// computed from scratch, and contain all discs that the oracle sees.
+#[cfg(feature = "papers")]
 fn walk(worlds: usize, frames: usize) {
     let mut random = Random(10);
     let (mut zone, mut exact) = (DiscZone::new(), Vec::new());
@@ -191,11 +194,13 @@ fn walk(worlds: usize, frames: usize) {
     );
 }
 
+#[cfg(feature = "papers")]
 #[test]
 fn the_kept_zone_is_the_exact_zone_along_walks() {
     walk(80, 120);
 }
 
+#[cfg(feature = "papers")]
 #[test]
 fn the_kept_zone_of_odd_input_is_that_from_scratch() {
     let at = |x: f64, radius: f64| Disc { center: [x, 0.0], radius };
@@ -230,11 +235,13 @@ fn warm_looks_allocate_nothing() {
     let discs = forest(&mut Random(7), 400, false);
     let made = Discs::new(&discs).unwrap();
     let (mut zone, mut seen) = (DiscZone::new(), Vec::new());
+    #[cfg(feature = "papers")]
     let mut kept = KineticZone::new(&made, 1.0);
     let mut looks = || {
         let before = ALLOCATIONS.get();
         for eye in (0..50).map(|k| [0.4 * f64::from(k), 5.0]) {
             zone.look(&made, &DiscView::new(eye), &mut seen);
+            #[cfg(feature = "papers")]
             kept.move_to(eye);
         }
         ALLOCATIONS.get() - before

@@ -369,3 +369,22 @@ fn too_many_changes_are_everything() {
     scene.set_triangles(ids[7], []).unwrap();
     assert_eq!(scene.changes_since(revision), Changes::Objects(&[ids[7]]), "other triangles are a change");
 }
+
+#[test]
+fn a_parent_that_loses_its_last_child_has_changed() {
+    for removes in [false, true] {
+        let mut scene = Scene::new();
+        let [parent, child] = [0, 1].map(|_| scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3])));
+        scene.set_hlod_parent(child, Some(parent)).unwrap();
+        assert!(!scene.is_always_drawn(parent), "a parent is drawn from afar alone");
+        let revision = scene.revision();
+        if removes {
+            scene.remove(child).unwrap();
+        } else {
+            scene.set_hlod_parent(child, None).unwrap();
+        }
+        assert!(scene.is_always_drawn(parent), "without children, it is drawn at every distance");
+        let Changes::Objects(changed) = scene.changes_since(revision) else { panic!("few changes") };
+        assert!(changed.contains(&parent), "child removed: {removes}; changed: {changed:?}");
+    }
+}

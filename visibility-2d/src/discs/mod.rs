@@ -8,14 +8,16 @@
 //! one has the lesser power, and powers are a valid depth order, unlike distances of nearest points.
 //!
 //! ("Visible Zone Maintenance for Real-Time Occlusion Culling", 2002, on the same scenes: 835,089 trees, of
-//! which 46 are drawn. That work updates the zone between frames, like [`KineticZone`]. [`DiscZone`] computes
-//! it from scratch in each frame, in microseconds.)
+//! which 46 are drawn. That work updates the zone between frames. [`DiscZone`] computes it from scratch in
+//! each frame, in microseconds.)
 //!
 //! - [`Discs`] is the set of discs, made once. [`DiscZone::look`] finds the discs seen from a point, or from
 //!   all points of a small ball.
-//! - [`KineticZone`] updates the set of discs seen as an eye moves.
+//! - `KineticZone` (feature `papers`, see `docs/papers.md` in the repository) updates the set of discs seen
+//!   as an eye moves.
 
 mod gaps;
+#[cfg(feature = "papers")]
 mod kinetic;
 #[cfg(test)]
 mod tests;
@@ -29,6 +31,7 @@ const ROUNDING: f64 = 1e-12;
 /// Greatest magnitude of a coordinate or a radius, so that sums of squares are finite.
 const MAX_NUMBER: f64 = 1e150;
 
+#[cfg(feature = "papers")]
 pub use kinetic::{KineticZone, ZoneWork};
 pub use tree::{Disc, DiscError, Discs};
 pub use zone::{DiscView, DiscZone};

@@ -57,6 +57,7 @@ impl DiscView {
     }
 
     /// Restricts the view to the directions between two direction numbers.
+    #[cfg(feature = "papers")]
     pub(super) fn with_directions(self, first: f64, last: f64) -> Self {
         Self { directions: Some((first, last)), ..self }
     }

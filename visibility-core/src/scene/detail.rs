@@ -168,7 +168,12 @@ impl Scene {
             return Ok(());
         }
         self.grow_details();
+        let former = self.hlod_parent(id)?;
         self.unlink(id);
+        if let Some(former) = former {
+            // Without children, an object is drawn at every distance again.
+            self.details_changed(former);
+        }
         if let Some(parent) = parent {
             let details = &mut self.tree.details;
             let next = core::mem::replace(&mut details[parent.index()].first_child, link(id));
@@ -248,6 +253,10 @@ impl Scene {
     pub(super) fn forget_details(&mut self, id: ObjectId) {
         if self.tree.detail(id.index()) == Detail::NONE {
             return;
+        }
+        if let Some(former) = linked(self.tree.detail(id.index()).parent).and_then(|index| self.id_at(index))
+        {
+            self.log.push(former, self.generations.len());
         }
         self.unlink(id);
         while let Some(child) = linked(self.tree.details[id.index()].first_child) {
