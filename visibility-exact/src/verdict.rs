@@ -71,8 +71,8 @@ pub struct CellVerdicts {
 }
 
 impl CellVerdicts {
-    /// Returns the objects with their verdicts. Objects that were not asked about are open. `triangles` must be
-    /// in the state that the verdicts are of. The order is by ascending index, until a
+    /// Returns the objects with their verdicts. Objects that were not asked about are open. `triangles` must
+    /// be in the state that the verdicts are of. The order is by ascending index, until a
     /// [`sync`](SceneTriangles::sync) has added objects.
     pub fn iter<'a>(
         &'a self,

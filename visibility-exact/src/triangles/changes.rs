@@ -23,11 +23,11 @@ impl SceneTriangles {
     /// of objects; [`DynamicCell`](crate::DynamicCell) brings its verdicts up to date. All triangles are
     /// collected anew if the changes are [not known](Changes::Everything).
     ///
-    /// With n the number of triangles of all objects that have changed since the triangles were collected,
-    /// at most about a quarter of all, and m the number of all: time is O(n log n), plus O(log m) for each
+    /// With n the number of triangles of all objects that have changed since the triangles were collected, at
+    /// most about a quarter of all, and m the number of all: time is O(n log n), plus O(log m) for each
     /// triangle that changes. The first call after a change takes O(m) once. Memory is reused while an object
-    /// has no more triangles than it ever had. An object that has more gets room for at least twice as many as
-    /// before.
+    /// has no more triangles than it ever had. An object that has more gets room for at least twice as many
+    /// as before.
     pub fn sync(&mut self, scene: &Scene) -> bool {
         let mut cursor = self.cursor;
         let changed: BTreeSet<usize> = match cursor.follow(scene) {

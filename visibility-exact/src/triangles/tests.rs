@@ -210,7 +210,8 @@ fn synchronised_triangles_are_those_of_the_scene() {
             );
         }
     }
-    // 60 objects of at most 6 triangles each. Room that is outgrown, for 2 and then 4 triangles, stays unused.
+    // 60 objects of at most 6 triangles each. Room that is outgrown, for 2 and then 4 triangles, stays
+    // unused.
     let (triangles, edges, pieces, objects) = greatest;
     assert!(triangles <= 60 * 14 && edges <= 60 * 30 && pieces <= 60 * 6 && objects <= 61, "{greatest:?}");
 }
