@@ -100,7 +100,8 @@ impl Viewcells {
             let cell = &self.cells()[cell.index()];
             cell.has_all_faces()
                 && cell.faces(anchor).enumerate().all(|(number, face)| {
-                    if !(face.offset.abs() < radius + margin) {
+                    let is_crossing = face.offset.abs() < radius + margin;
+                    if !is_crossing {
                         return face.offset.is_finite();
                     }
                     let u = face.normal.any_orthonormal_vector() * (2.0 * radius);

@@ -121,7 +121,8 @@ impl Camera {
         let right = across / width;
         let up = upwards / height;
         // Skewed pictures have no window. Rounding of matrices in `f32` is far smaller.
-        if !(right.dot(up).abs() < 1e-5) {
+        let is_square = right.dot(up).abs() < 1e-5;
+        if !is_square {
             return None;
         }
         let up = (up - right * up.dot(right)).normalize();
@@ -369,7 +370,7 @@ impl PictureMargin {
     pub fn may_meet(&self, bounds: &Aabb) -> bool {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let beside = (min - self.eye).max(self.eye - max).max(DVec3::ZERO);
-        let near = !(beside.length_squared() > self.squared);
-        near && !self.planes.iter().all(|plane| plane.contains_box(bounds))
+        let is_far = beside.length_squared() > self.squared;
+        !is_far && !self.planes.iter().all(|plane| plane.contains_box(bounds))
     }
 }
