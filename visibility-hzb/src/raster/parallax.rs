@@ -26,10 +26,10 @@
 //!
 //! # Where a point appears
 //! Let `x` and `w` be the screen coordinates of a point from `c` and `X` and `W` the gradients of the two.
-//! From
-//! `e` the point appears at the column `v = (x - X e) / (w - W e)`. The extreme columns over the ball of
-//! radius `r` are those at which the plane `(x - v w) - (X - v W) e = 0` touches the ball: `|x - v w| = r |X -
-//! v W|`, a quadratic equation in `v`. Its discriminant is written without cancellation. An edge appears
+//! From `e` the point appears at the column `v = (x - X e) / (w - W e)`. The extreme columns over the ball of
+//! radius `r` are those at which the plane `(x - v w) - (X - v W) e = 0` touches the ball:
+//! `|x - v w| = r |X - v W|`, a quadratic equation in `v`. Its discriminant is written without
+//! cancellation. An edge appears
 //! from each eye as a straight segment between places of its ends, so it stays in the convex hull of the two
 //! rectangles in which its ends appear. All this needs `w` to be positive from all eyes; geometry is cut at
 //! twice the radius.
