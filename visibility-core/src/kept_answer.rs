@@ -9,8 +9,8 @@ use crate::stamp::Stamp;
 use crate::view::{Reach, ViewRegion};
 use crate::{Scene, View, VisibleSet};
 
-/// Number of frames that cull for their own view after one in which a stage had no answer for a region: trying
-/// costs up to a frame's work.
+/// Number of frames that cull for their own view after one in which a stage had no answer for a region:
+/// trying costs up to a frame's work.
 const PAUSE: u8 = 15;
 
 /// The answer of a frame, with all that it depends on.
@@ -66,9 +66,9 @@ impl KeptAnswer {
         self.is_kept
     }
 
-    /// Returns the region to cull for in a frame of `view`, after one of the view `before`. `None` to cull for
-    /// this view alone: in the first frame, after a cut, while the camera is too fast for the reach, while
-    /// the scene changes from one frame to the next, and for some frames after a stage had no answer.
+    /// Returns the region to cull for in a frame of `view`, after one of the view `before`. `None` to cull
+    /// for this view alone: in the first frame, after a cut, while the camera is too fast for the reach,
+    /// while the scene changes from one frame to the next, and for some frames after a stage had no answer.
     pub(crate) fn region_around(
         &mut self,
         scene: &Scene,

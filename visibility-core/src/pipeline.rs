@@ -238,8 +238,8 @@ impl Pipeline {
         }
     }
 
-    /// Fills `visible` and lets each stage cull, for a region if one is given. Returns the sum of the counters;
-    /// `None` if a stage has no answer for the region.
+    /// Fills `visible` and lets each stage cull, for a region if one is given. Returns the sum of the
+    /// counters; `None` if a stage has no answer for the region.
     fn run_stages(
         &mut self,
         jobs: Option<&dyn Jobs>,

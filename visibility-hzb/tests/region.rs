@@ -1,5 +1,6 @@
-//! Buffers drawn for a ball of eyes and a cone of turns: what lies behind a covered pixel is hidden from every
-//! eye of the ball, by segments against all faces. Boxes that the buffer hides are hidden from every view.
+//! Buffers drawn for a ball of eyes and a cone of turns: what lies behind a covered pixel is hidden from
+//! every eye of the ball, by segments against all faces. Boxes that the buffer hides are hidden from every
+//! view.
 
 use crate::common::{Face, Occluder, covered_pixels, faces, occluder, view};
 use crate::level::triangles;
@@ -226,8 +227,9 @@ fn a_wall_still_hides() {
             .filter(|&i| hzb.test(&at(0.1 * i as f32)) == visibility_core::occlusion::Occlusion::Hidden)
             .count()
     };
-    // The wall's edge is 4 m beside its middle, 5 m ahead. At 9.9 m that is 7.92 m from the eye. From the ball
-    // it appears at 7.67 m for 10 cm, at 6.95 m for 40 cm and 5.63 m for 1 m. A pixel is 6 cm wide there.
+    // The wall's edge is 4 m beside its middle, 5 m ahead. At 9.9 m that is 7.92 m from the eye. From the
+    // ball it appears at 7.67 m for 10 cm, at 6.95 m for 40 cm and 5.63 m for 1 m. A pixel is 6 cm wide
+    // there.
     let counts = [0.0, 0.1, 0.4, 1.0].map(&mut hidden);
     for (count, beside) in counts.into_iter().zip([7.92, 7.67, 6.95, 5.63]) {
         assert!(

@@ -157,8 +157,8 @@ fn eyes_outside_and_views_that_begin_outside_fall_back_and_say_so() {
     assert_eq!(seen(&mut eye, &cells, &scene, &short), [0], "a parallel view that ends after 3 m");
 }
 
-/// A ball of eyes that reaches out of the cells has no answer. One that reaches through a portal into the next
-/// cell, or along a wall that it does not touch, has one.
+/// A ball of eyes that reaches out of the cells has no answer. One that reaches through a portal into the
+/// next cell, or along a wall that it does not touch, has one.
 #[test]
 fn balls_that_reach_out_of_the_cells_have_no_answer() {
     let (mut cells, scene, _) = row(3);

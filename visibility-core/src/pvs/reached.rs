@@ -75,9 +75,10 @@ impl Viewcells {
         is_covered(corners, reached, all, anchor, margin)
     }
 
-    /// Replaces the content of `reached` by the viewcells that the ball of the given radius, in metres, around
-    /// `anchor` may reach into. Returns true if these viewcells cover the ball, except for gaps of about the
-    /// margin of [`reached`](Self::reached), for the same `error` in metres. `scratch` is memory for the test.
+    /// Replaces the content of `reached` by the viewcells that the ball of the given radius, in metres,
+    /// around `anchor` may reach into. Returns true if these viewcells cover the ball, except for gaps of
+    /// about the margin of [`reached`](Self::reached), for the same `error` in metres. `scratch` is memory
+    /// for the test.
     ///
     /// The ball is covered if its middle is, and if beyond each face that crosses it there is a viewcell. The
     /// cube around the ball stands for the ball in this test.
@@ -99,8 +100,8 @@ impl Viewcells {
             let cell = &self.cells()[cell.index()];
             cell.has_all_faces()
                 && cell.faces(anchor).enumerate().all(|(number, face)| {
-                    let is_near = face.offset.abs() < radius + margin;
-                    if !is_near {
+                    let is_crossing = face.offset.abs() < radius + margin;
+                    if !is_crossing {
                         return face.offset.is_finite();
                     }
                     let u = face.normal.any_orthonormal_vector() * (2.0 * radius);

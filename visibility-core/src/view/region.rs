@@ -17,8 +17,8 @@
 //! widened by this angle on each side. Then the sides are moved outwards by `r`, since each eye is within `r`
 //! of `c`. A point of the near plane is `near (X, Y, 1)` in the axes of its own view, with `X^2 + Y^2` at
 //! most some `D^2`, and has at least the depth `near (cos d - D sin d)` in the axes of the first; a point of
-//! the far plane has at most `far (cos d + D sin d)`, and never more than `far sqrt(1 + D^2)`, at which it lies
-//! straight ahead.
+//! the far plane has at most `far (cos d + D sin d)`, and never more than `far sqrt(1 + D^2)`, at which it
+//! lies straight ahead.
 //!
 //! # The picture
 //! The *picture* is a view from `c` through a window that is wider by a further angle `g`. Its near plane is
@@ -72,7 +72,8 @@ impl Reach {
 const SAME: f64 = 5e-4;
 
 /// Relative size of the margin that is left for such differences and for rounding: more than [`SAME`], plus
-/// what near and far planes that are tilted by 1e-4 gain at a corner of the widest window, with a tangent of 8.
+/// what near and far planes that are tilted by 1e-4 gain at a corner of the widest window, with a tangent of
+/// 8.
 const SLACK: f64 = 2e-3;
 
 /// Tangent of the angle by which the window of the [picture](ViewRegion::picture) is wider than that of the
@@ -120,8 +121,8 @@ impl Camera {
         let right = across / width;
         let up = upwards / height;
         // Skewed pictures have no window. Rounding of matrices in `f32` is far smaller.
-        let is_upright = right.dot(up).abs() < 1e-5;
-        if !is_upright {
+        let is_square = right.dot(up).abs() < 1e-5;
+        if !is_square {
             return None;
         }
         let up = (up - right * up.dot(right)).normalize();

@@ -36,8 +36,8 @@ impl StartCells {
         known && covered
     }
 
-    /// As [`find`](Self::find), for all views of a region: with every cell that reaches into the ball in which
-    /// their lines of sight begin, around `anchor`.
+    /// As [`find`](Self::find), for all views of a region: with every cell that reaches into the ball in
+    /// which their lines of sight begin, around `anchor`.
     pub(super) fn find_around(
         &mut self,
         cells: &SceneCells,

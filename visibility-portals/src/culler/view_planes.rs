@@ -136,9 +136,9 @@ impl PortalView {
             Lines::FromAnchor if self.ball > 0.0 => {
                 // Let `e` be an eye of the ball of radius `r`, and `y` the point of the edge's line that is
                 // nearest to the anchor, at the distance `d`. A point `x` that `e` sees inside the edge has
-                // `((a - e) x (b - e)) . (x - y) >= 0`, and this product is `(a x b) . (x - y) - (e x (b - a)) .
-                // (x - y)`. With `|a x b| = d |b - a|`, the unit normal `n` of the plane through the anchor has
-                // `n . x = n . (x - y) >= -r / d |x - y|`, which is at least `-(r + r / d |x|)`.
+                // `((a - e) x (b - e)) . (x - y) >= 0`, and this product is `(a x b) . (x - y) - (e x (b -
+                // a)) . (x - y)`. With `|a x b| = d |b - a|`, the unit normal `n` of the plane through the
+                // anchor has `n . x = n . (x - y) >= -r / d |x - y|`, which is at least `-(r + r / d |x|)`.
                 let side = WindowPlane::through_edge(a, b, sign, error)?;
                 let ball = self.ball * (1.0 + 1e-9);
                 let turn = ball * (b - a).length() / a.cross(b).length();
