@@ -287,6 +287,8 @@ fn each_culler_that_hides_behind_a_wall_is_named_before_a_stage_that_may_remove_
     let bounds = Aabb::from_arrays([6.0, -0.5, -0.5], [7.0, 0.5, 0.5]);
     let target = scene.insert(bounds);
     scene.set_triangles(target, triangles_of(&bounds)).unwrap();
+    // Shadow frusta are baked for eyes among the objects.
+    scene.insert(Aabb::from_arrays([-9.0, -4.0, -4.0], [-8.0, 4.0, 4.0]));
     let place = Place::new(prepared(scene));
     let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
     let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap();
