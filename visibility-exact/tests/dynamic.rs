@@ -446,7 +446,7 @@ fn hidden_behind_open_doors(doors: usize, clearance: f64) -> usize {
 /// hidden with a clearance of 1 mm. With 10 mm it often is, so a wrong clearance would show.
 #[test]
 fn doors_that_open_by_more_than_twelve_clearances_hide_nothing() {
-    assert_eq!(hidden_behind_open_doors(20, 1e-3), 0);
+    assert_eq!(hidden_behind_open_doors(20, 1e-3), 0, "times hidden with a clearance of 1 mm");
     let hidden = hidden_behind_open_doors(20, 1e-2);
     assert!(hidden > 5, "{hidden} of 40 times with a clearance of 10 mm");
 }

@@ -187,6 +187,6 @@ fn an_object_in_place_of_another_is_reported() {
     scene.remove(scene.id_at(0).unwrap()).unwrap();
     insert(&mut scene, plate, Object::new(Aabb::EMPTY));
     assert!(triangles.sync(&scene), "another object");
-    assert_eq!(kept.update(&triangles, &|| false).changed, 1);
-    assert!(kept.reported().eq(scene.ids()));
+    assert_eq!(kept.update(&triangles, &|| false).changed, 1, "objects changed");
+    assert!(kept.reported().eq(scene.ids()), "the object in place of the other is reported");
 }

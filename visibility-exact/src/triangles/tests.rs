@@ -267,7 +267,7 @@ fn growing_objects_take_room_in_proportion() {
     let mut all = SceneTriangles::new(&scene);
     for count in 1..300 {
         scene.set_triangles(id, (0..count).map(triangle).collect::<Vec<_>>()).unwrap();
-        assert!(all.sync(&scene));
+        assert!(all.sync(&scene), "{count} triangles: a change");
         assert_eq!((all.len(), all.occluder_count()), (count as usize, count as usize), "{count} triangles");
         assert!(all.index_limit() <= 4 * count as usize, "{count} triangles: {} indices", all.index_limit());
     }

@@ -13,15 +13,16 @@
 //! Let `c` be the middle of the ball, `e` another eye of it, and `p` a point that is hidden from `c` by the
 //! drawn triangles `T` of one mesh: the segment from `c` to `p` crosses `T` from the front. No triangle of
 //! `T` comes as near to `c` as any point at which sight of an eye of the ball begins; so the segment from `c`
-//! to `e` does not meet `T`. Move the end of a segment from `c` along the line from `e` to `p`. At `e` the segment
-//! misses `T`, at `p` it crosses `T`. So somewhere on the way the moving end crosses `T`, from the front
-//! since that is the side on which `c` lies, and `p` is hidden from `e`; or the moving segment, from `c` to a
-//! point `q`, meets a contour edge of `T` in a point `s`. In the second case `q = k s` with `k >= 1`, relative to
-//! `c`. The line through `e` and `q` has `p` beyond `q`, so from `a e` with some `a` between 0 and 1, `p`
-//! appears in the picture of `c` where `q` does: `p` is in the direction of `k s - a e`, which is that of
-//! `s - (a / k) e`. This is the direction in which `s` appears from the point `(a / k) e` of the ball. So if
-//! no contour edge of `T` appears, from any point of the ball, where `p` appears from `c`, then `p` is hidden
-//! from all eyes of the ball. (Directions are carried from one eye to another without turning them.)
+//! to `e` does not meet `T`. Move the end of a segment from `c` along the line from `e` to `p`. At `e` the
+//! segment misses `T`, at `p` it crosses `T`. So somewhere on the way the moving end crosses `T`, from the
+//! front since that is the side on which `c` lies, and `p` is hidden from `e`; or the moving segment, from
+//! `c` to a point `q`, meets a contour edge of `T` in a point `s`. In the second case `q = k s` with `k >=
+//! 1`, relative to `c`. The line through `e` and `q` has `p` beyond `q`, so from `a e` with some `a` between
+//! 0 and 1, `p` appears in the picture of `c` where `q` does: `p` is in the direction of `k s - a e`, which
+//! is that of `s - (a / k) e`. This is the direction in which `s` appears from the point `(a / k) e` of the
+//! ball. So if no contour edge of `T` appears, from any point of the ball, where `p` appears from `c`, then
+//! `p` is hidden from all eyes of the ball. (Directions are carried from one eye to another without turning
+//! them.)
 //!
 //! # Where a point appears
 //! Let `x` and `w` be the screen coordinates of a point from `c` and `X` and `W` the gradients of the two.
@@ -35,11 +36,11 @@
 use crate::setup::screen_projection::ScreenProjection;
 use visibility_core::glam::DVec3;
 
-/// Relative margin for rounding. The columns of a point nearer than the square root of two times the radius are
-/// not used, so the leading coefficient of the quadratic equation is at least half of `w^2`, and nothing cancels.
-/// The errors of the point's own `x`, `y` and `w` are no part of it: they are at most the slack of the contour in
-/// the picture of the middle, and at most twice as much from an eye of the ball, at half the distance or more.
-/// Who marks pixels adds twice the slack.
+/// Relative margin for rounding. The columns of a point nearer than the square root of two times the radius
+/// are not used, so the leading coefficient of the quadratic equation is at least half of `w^2`, and nothing
+/// cancels. The errors of the point's own `x`, `y` and `w` are no part of it: they are at most the slack of
+/// the contour in the picture of the middle, and at most twice as much from an eye of the ball, at half the
+/// distance or more. Who marks pixels adds twice the slack.
 const ROUNDING: f64 = 1e-9;
 
 /// The ball of eyes, as the projection of its middle sees it.
