@@ -97,9 +97,9 @@ impl DegreeSampler {
     ///
     /// Objects that are not occluders of a bake are drawn and hide nothing. An object without triangles, or
     /// that is never culled, or whose bounds meet the box of the viewcell, is
-    /// [`Widely`](SampledDegree::Widely) visible, and so are all objects of a viewcell in which too few eyes are found, since it is empty, flat in a plane that cuts it, or not
-    /// finite. A see-through object counts in full pixels of the middle of a picture, so that its degree may
-    /// be too great.
+    /// [`Widely`](SampledDegree::Widely) visible, and so are all objects of a viewcell in which too few eyes
+    /// are found, since it is empty, flat in a plane that cuts it, or not finite. A see-through object counts
+    /// in full pixels of the middle of a picture, so that its degree may be too great.
     ///
     /// The answer depends on scene, viewcell, row and number of eyes alone. Takes the time to draw all
     /// objects of the row six times for each eye.
