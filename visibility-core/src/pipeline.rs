@@ -135,7 +135,8 @@ impl Pipeline {
     /// [region](Culler::cull_region), the frame and the next 15 cull as without a reach: a pipeline with such
     /// a stage gains nothing.
     ///
-    /// What it costs: more objects are reported, since the set holds what any view of the region sees.
+    /// More objects are reported than in a frame that culls for its own view, since the set holds the objects
+    /// that any view of the region sees.
     ///
     /// ```
     /// use visibility_core::{FrustumCuller, Pipeline, view::Reach};

@@ -177,7 +177,7 @@ fn degrees_are_unknown_where_the_sets_do_not_answer() {
     assert_eq!(reader.degree(ids[2]), None, "other sets, without degrees");
 }
 
-/// What is in the place and in no row of the sets comes first, whatever the degrees of the rest.
+/// An object that is in the place, and in no row of the sets, comes first, whatever the degrees of the rest.
 #[test]
 fn what_is_in_the_place_is_loaded_first() {
     let (mut scene, ids, sets) = world();

@@ -14,7 +14,7 @@ use crate::proof::{Proof, Step};
 use crate::settings::{Effort, ExactSettings};
 use crate::sight::CellBox;
 use crate::triangles::SceneTriangles;
-use crate::verdict::{Verdict, Witness};
+use crate::verdict::{Verdict, Witness, count};
 use alloc::collections::BTreeMap;
 use alloc::{boxed::Box, vec, vec::Vec};
 use visibility_core::ObjectId;
@@ -322,15 +322,7 @@ impl DynamicCell {
 
     /// Returns the numbers of objects seen, hidden and open.
     pub fn counts(&self) -> [usize; 3] {
-        let mut counts = [0; 3];
-        for (_, verdict) in self.iter() {
-            counts[match verdict {
-                Verdict::Seen(_) => 0,
-                Verdict::Hidden | Verdict::Hardly(_) => 1,
-                Verdict::Open => 2,
-            }] += 1;
-        }
-        counts
+        count(self.iter().map(|(_, verdict)| verdict))
     }
 
     /// Returns the proofs of the hidden objects, for [`Proof::check`]. A proof that was made before an object

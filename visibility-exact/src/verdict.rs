@@ -86,14 +86,19 @@ impl CellVerdicts {
     /// that [`SceneTriangles::sync`] has found removed count as open, though [`iter`](Self::iter) leaves them
     /// out.
     pub fn counts(&self) -> [usize; 3] {
-        let mut counts = [0; 3];
-        for verdict in &self.verdicts {
-            counts[match verdict {
-                Verdict::Seen(_) => 0,
-                Verdict::Hidden | Verdict::Hardly(_) => 1,
-                Verdict::Open => 2,
-            }] += 1;
-        }
-        counts
+        count(self.verdicts.iter().copied())
     }
+}
+
+/// Returns the numbers of verdicts that are seen, hidden and open. Hardly visible counts as hidden.
+pub(crate) fn count(verdicts: impl Iterator<Item = Verdict>) -> [usize; 3] {
+    let mut counts = [0; 3];
+    for verdict in verdicts {
+        counts[match verdict {
+            Verdict::Seen(_) => 0,
+            Verdict::Hidden | Verdict::Hardly(_) => 1,
+            Verdict::Open => 2,
+        }] += 1;
+    }
+    counts
 }

@@ -11,7 +11,7 @@ use visibility_core::{Aabb, Object, ObjectId, Scene};
 use visibility_exact::{
     DynamicCell, Effort, ExactCuller, ExactSettings, SceneTriangles, UpdateStats, Verdict,
 };
-use visibility_testing::Random;
+use visibility_testing::{Random, judged};
 
 /// A scene of a test: the triangles of its objects by index, none for removed objects, and whether they
 /// occlude.
@@ -291,7 +291,7 @@ fn sequences(worlds: std::ops::Range<u64>, edits: usize, c: f64) -> Sums {
 fn verdicts_after_changes_are_those_of_the_present_scene() {
     for (c, worlds) in [(1e-4, 16), (0.0, 5)] {
         let sums = sequences(0..worlds, 10, c);
-        println!("c {c}: {sums:?}");
+        judged(sums.objects as u64);
         let [seen, hidden, open] = sums.pairs.map(|row| row.iter().sum::<usize>());
         assert!(
             seen > 200 && hidden > 200 && open * 12 < sums.objects,
@@ -299,16 +299,6 @@ fn verdicts_after_changes_are_those_of_the_present_scene() {
         );
         assert!(sums.unproven > 15 && sums.mended > 5 && sums.blocked > 8, "c {c}: all occur: {sums:?}");
         assert!(sums.searched * 2 < sums.objects, "c {c}: most verdicts are kept: {sums:?}");
-    }
-}
-
-#[test]
-#[ignore = "long: 60,000 changes"]
-fn many_sequences() {
-    for first in (0..2000).step_by(100) {
-        for c in [1e-4, 0.0] {
-            println!("from {first}, c {c}: {:?}", sequences(first..first + 100, 15, c));
-        }
     }
 }
 

@@ -601,11 +601,10 @@ impl OcclusionMap for Hzb {
         if self.coverage != Coverage::Conservative || !self.levels.is_empty() {
             return None;
         }
-        let padded = [self.tiles.columns * SIDE, self.tiles.rows * SIDE];
-        let projection = ScreenProjection::new(region.picture(), origin, self.size, padded);
-        self.parallax = Some(Parallax::new(&projection, region.radius()));
+        let own = self.begin_frame(region.picture(), origin, work, jobs);
+        self.parallax = Some(Parallax::new(&self.projection, region.radius()));
         self.margin = Some(region.margin(origin));
-        Some(self.begin_frame(region.picture(), origin, work, jobs))
+        Some(own)
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {

@@ -7,8 +7,8 @@ use crate::walk::{Budget, FrameContext, Keep, PlpSettings, Projected, Walk};
 use alloc::vec::Vec;
 use core::ops::Deref;
 use visibility_core::{
-    Aabb, Accuracy, CullStats, Culler, ObjectId, OcclusionMap, Scene, View, VisibleSet,
-    binary_format::Fingerprint, occlusion::Occlusion, scene::SceneCursor,
+    Aabb, Accuracy, CullStats, Culler, ObjectId, OcclusionMap, Scene, View, VisibleSet, occlusion::Occlusion,
+    scene::SceneCursor, stamp::Stamp,
 };
 
 /// Keeps every object that may be visible: projects a budget like [`PlpCuller`](crate::PlpCuller), then tests
@@ -78,8 +78,8 @@ pub struct ConservativePlpCuller<S, M> {
     stats: ConservativeStats,
     /// The scene of the last frame, to which the map's memory of earlier frames belongs.
     scene: SceneCursor,
-    /// Hash of the incoming set of the last frame, for a map with delayed answers.
-    candidates: Option<u64>,
+    /// Fingerprint of the incoming set of the last frame, for a map with delayed answers.
+    candidates: Option<(Stamp, u64)>,
 }
 
 /// Counts of one frame of [`ConservativePlpCuller`], as in table 1 of Klosowski and Silva, 2001.
@@ -259,9 +259,8 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         map.begin(view, scene.origin());
         if !map.answers_at_once() {
             // Answers to earlier frames are about pictures of their candidates.
-            let with = |hash: Fingerprint, id: ObjectId| hash.with(id.index() as u32).with(id.generation());
-            let hash = Some(visible.iter(scene).fold(Fingerprint::new(), with).value());
-            if core::mem::replace(candidates, hash) != hash {
+            let set = Some(visible.fingerprint(scene));
+            if core::mem::replace(candidates, set) != set {
                 map.candidates_changed();
             }
         }

@@ -14,7 +14,7 @@ pub(crate) struct TestProgram {
 }
 
 /// Compiles the integration tests of packages with optimization, checks for overflow and debug assertions.
-/// What is compiled lies in `target`.
+/// The folder `target` holds what cargo has compiled.
 ///
 /// # Errors
 ///

@@ -552,8 +552,8 @@ mod tests {
         }
     }
 
-    /// Of rings that are equally high in the picture, the nearest gives the step; a ring that is as high as
-    /// the lowest before gives none, and leaves later ones theirs.
+    /// Of rings that are equally high in the picture, the nearest ring gives the step. A ring that is as high
+    /// as the lowest ring before it gives no step, and leaves later rings their steps.
     #[test]
     fn equal_heights_do_not_move_a_crest() {
         let steps = level(core::array::from_fn(|i| if i < 3 { -1.0 } else { 0.0 }), 0.0).steps();

@@ -82,7 +82,7 @@ pub struct OcclusionCuller<M, H = SceneHierarchy> {
     queue: Queue,
     /// The scene of the last frame, in the state that the map's memory of earlier frames belongs to.
     scene: SceneCursor,
-    /// Layout of the scene and hash of the incoming set in the last frame, for a map with delayed answers.
+    /// Fingerprint of the incoming set of the last frame, for a map with delayed answers.
     candidates: Option<(Stamp, u64)>,
     /// False once the map or the hierarchy may have been changed since the last answer.
     answer_holds: bool,
@@ -184,7 +184,7 @@ impl<M: OcclusionMap, H: BoxHierarchy> OcclusionCuller<M, H> {
         };
         budget.spend_outside_search(own);
         if !at_once {
-            let candidates = Some((scene.layout(), visible.fingerprint(scene).value()));
+            let candidates = Some(visible.fingerprint(scene));
             if core::mem::replace(&mut self.candidates, candidates) != candidates {
                 self.map.candidates_changed();
             }

@@ -305,7 +305,7 @@ impl ViewRegion {
 
     /// Returns the view to draw occluders with: from the middle of the ball, wide enough for all directions,
     /// without a far plane. Its near plane is beyond all points at which sight of the region's views begins.
-    /// What it does not show but a view of the region may see is told by [`margin`](Self::margin).
+    /// [`margin`](Self::margin) tells of the space beside the picture that a view of the region may see.
     pub fn picture(&self) -> &View {
         &self.picture
     }

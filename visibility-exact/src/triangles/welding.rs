@@ -66,7 +66,7 @@ impl<K: Ord + Copy> Numbers<K> {
     }
 }
 
-/// What is needed to give triangles of changed objects the numbers of equal vertices and edges.
+/// Tables that give triangles of changed objects the numbers of equal vertices and edges.
 #[derive(Clone, Debug)]
 pub(super) struct Welding {
     /// For each object index of the scene, the position in the list of objects. `u32::MAX` for none.

@@ -241,13 +241,8 @@ impl<'a> ContourRaster<'a> {
                 let p = if top > a.y { at(top) } else { a.x };
                 let q = if bottom < b.y { at(bottom) } else { b.x };
                 let (left, right) = if p < q { (p, q) } else { (q, p) };
-                if let Some([l, r]) = range(left - slack, right + slack, width) {
-                    for column in l / SIDE..=(r - 1) / SIDE {
-                        let start = column * SIDE;
-                        let (l, r) = (l.max(start) - start, (r - start).min(SIDE));
-                        self.cells[row + column].contour |=
-                            ((0xff_u64 << l) & (0xff >> (SIDE - r))) << (SIDE * bit);
-                    }
+                if let Some(columns) = range(left - slack, right + slack, width) {
+                    self.mark(line, columns);
                 }
             }
             let centre = y + 0.5;
@@ -280,12 +275,18 @@ impl<'a> ContourRaster<'a> {
             let y = line as f64;
             let Some([left, right]) = zone.columns(y - slack, y + 1.0 + slack) else { continue };
             let Some([l, r]) = range(left - slack, right + slack, width) else { continue };
-            let (row, bit) = (line / SIDE * self.columns, line % SIDE);
-            for column in l / SIDE..=(r - 1) / SIDE {
-                let start = column * SIDE;
-                let (l, r) = (l.max(start) - start, (r - start).min(SIDE));
-                self.cells[row + column].contour |= ((0xff_u64 << l) & (0xff >> (SIDE - r))) << (SIDE * bit);
-            }
+            self.mark(line, [l, r]);
+        }
+    }
+
+    /// Marks the pixels of a line, from the first column to before the last, as near the contour.
+    #[inline(always)]
+    fn mark(&mut self, line: usize, [l, r]: [usize; 2]) {
+        let (row, bit) = (line / SIDE * self.columns, line % SIDE);
+        for column in l / SIDE..=(r - 1) / SIDE {
+            let start = column * SIDE;
+            let (l, r) = (l.max(start) - start, (r - start).min(SIDE));
+            self.cells[row + column].contour |= ((0xff_u64 << l) & (0xff >> (SIDE - r))) << (SIDE * bit);
         }
     }
 

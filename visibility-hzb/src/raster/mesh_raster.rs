@@ -217,14 +217,16 @@ pub(crate) fn draw_mesh(
             let (mut a, mut b) = (screen[i], screen[j]);
             let (mut p, mut q) = (corners[i], corners[j]);
             if !uncut {
-                let cut = cut_edge(&p, &q, NEAR, near_limit);
+                let cut = || cut_edge(&p, &q, NEAR, near_limit);
                 match (p[4] > near_limit, q[4] > near_limit) {
                     (true, true) => {}
                     (true, false) => {
-                        (b, q) = (on_screen(&cut, object, &mut vertex_bounds), cut);
+                        q = cut();
+                        b = on_screen(&q, object, &mut vertex_bounds);
                     }
                     (false, true) => {
-                        (a, p) = (on_screen(&cut, object, &mut vertex_bounds), cut);
+                        p = cut();
+                        a = on_screen(&p, object, &mut vertex_bounds);
                     }
                     (false, false) => continue,
                 }
