@@ -7,9 +7,7 @@ pub mod geojson;
 mod plan_file;
 pub mod questions;
 pub mod slice;
-mod svg_numbers;
-pub mod svg_paths;
-mod svg_transform;
+pub mod svg;
 pub mod text;
 
 pub use plan_file::{PlanFile, Problem};
@@ -30,7 +28,7 @@ pub fn load(file: &Path) -> Result<PlanFile, SourceError> {
     let content = content.trim_start_matches('\u{feff}');
     let extension = file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     let read = match extension.as_str() {
-        "svg" => svg_paths::read(content),
+        "svg" => svg::read(content),
         "json" | "geojson" => geojson::read(content),
         _ => text::read(content),
     };

@@ -11,6 +11,9 @@
 use super::meshopt::Compressed;
 use crate::error::SourceError;
 use crate::ordinary_file;
+use base64::Engine;
+use base64::alphabet::STANDARD;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use glam::Vec3;
 use gltf::accessor::sparse::IndexType;
 use gltf::accessor::{Accessor, DataType, Dimensions};
@@ -346,34 +349,9 @@ fn data_uri(rest: &str) -> Result<Vec<u8>, String> {
 
 /// Decodes base64 text with or without `=` padding. The error is a message for a person.
 fn base64(text: &str) -> Result<Vec<u8>, String> {
-    let digits = text.trim_end_matches('=').as_bytes();
-    let mut bytes = Vec::with_capacity(digits.len() / 4 * 3 + 2);
-    for group in digits.chunks(4) {
-        if group.len() == 1 {
-            return Err("the base64 data ends within a byte".into());
-        }
-        let mut bits = 0_u32;
-        for i in 0..4 {
-            let value = group.get(i).map_or(Ok(0), |&digit| sextet(digit))?;
-            bits = bits << 6 | value;
-        }
-        // Four digits give three bytes; a shorter last group gives one byte less than its number of digits.
-        bytes.extend_from_slice(&bits.to_be_bytes()[1..group.len()]);
-    }
-    Ok(bytes)
-}
-
-/// Returns the value, 0 to 63, of a base64 digit, or a message for any other byte.
-fn sextet(digit: u8) -> Result<u32, String> {
-    let value = match digit {
-        b'A'..=b'Z' => digit - b'A',
-        b'a'..=b'z' => digit - b'a' + 26,
-        b'0'..=b'9' => digit - b'0' + 52,
-        b'+' => 62,
-        b'/' => 63,
-        _ => return Err(format!("the byte {digit:#04x} is not base64")),
-    };
-    Ok(u32::from(value))
+    let config = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
+    let engine = GeneralPurpose::new(&STANDARD, config.with_decode_allow_trailing_bits(true));
+    engine.decode(text).map_err(|error| format!("the data URI: {error}"))
 }
 
 /// Returns the path, without symbolic links, of the file that a relative URI names. Returns a message as the
