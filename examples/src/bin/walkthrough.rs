@@ -11,8 +11,9 @@ use visibility_examples::output_file::{plain_name, write_with};
 use visibility_examples::progress::Steps;
 use visibility_examples::source::{check_hints, parse_hint};
 use visibility_examples::walkthrough::bake_advice::BakeEstimate;
-use visibility_examples::walkthrough::canvas::Canvas;
+use visibility_examples::walkthrough::canvas::{Canvas, save_animation};
 use visibility_examples::walkthrough::judge::Judgement;
+use visibility_examples::walkthrough::palette::PAPER;
 use visibility_examples::walkthrough::{
     Trial, World, aimed_rays, auto, cells_picture, cullers, explain, eye_picture, freeze, judge, map_picture,
     output, run,
@@ -95,10 +96,18 @@ struct Arguments {
     #[arg(long, value_name = "FRAME")]
     freeze: Option<usize>,
 
+    /// File to write an animated PNG to: each frame from the eye, beside its map by the last culler. By
+    /// default none.
+    #[arg(long, value_name = "FILE")]
+    animation: Option<PathBuf>,
+
     /// Folder for pictures.
     #[arg(long, default_value = "out", value_name = "DIR")]
     pictures: PathBuf,
 }
+
+/// Time for which a frame of the animation is shown, in milliseconds.
+const FRAME_MS: u16 = 120;
 
 fn main() -> ExitCode {
     exit_code(walk(&Arguments::parse()))
@@ -201,6 +210,9 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             }
         }
     }
+    if let Some(path) = &arguments.animation {
+        album.animation(path, &trials, &judgement)?;
+    }
     println!("pictures: {}", arguments.pictures.display());
     Ok(())
 }
@@ -234,6 +246,22 @@ impl Album<'_> {
         let stem = plain_name(&format!("{}-{name}", self.world.source.name));
         let path = self.folder.join(format!("{stem}.png"));
         canvas.save(&path)
+    }
+
+    /// Writes an animation of all frames, each from the eye beside its map by the last trial.
+    fn animation(&self, path: &Path, trials: &[Trial], judgement: &Judgement) -> Result<(), Box<dyn Error>> {
+        let Self { world, marked, .. } = *self;
+        let bar = Steps::new("animation", world.views.len(), true);
+        let mut pictures = Vec::new();
+        for frame in 0..world.views.len() {
+            let eye =
+                eye_picture::draw(world, &world.views[frame], eye_picture::Shown { only: None, marked })?;
+            let shown = map_picture::Shown { frame, trial: trials.len().saturating_sub(1), marked };
+            let map = map_picture::draw(world, trials, judgement, shown)?.halved();
+            pictures.push(eye.beside(&map, PAPER));
+            bar.step();
+        }
+        Ok(save_animation(path, &pictures, FRAME_MS)?)
     }
 
     /// Writes pictures of the middle frame of each walk: one from the eye, and one from above for each

@@ -117,13 +117,91 @@ impl Canvas {
     /// Writes the picture as a PNG [file](write_with), replacing a file of that name. Returns a message with
     /// the path if that fails.
     pub fn save(&self, path: &Path) -> Result<(), String> {
-        write_with(path, |out| {
-            let mut encoder = png::Encoder::new(out, self.width, self.height);
-            encoder.set_color(png::ColorType::Rgb);
-            encoder.set_depth(png::BitDepth::Eight);
-            let mut writer = encoder.write_header()?;
-            writer.write_image_data(self.pixels.as_flattened())?;
-            writer.finish()
-        })
+        save_animation(path, std::slice::from_ref(self), 0)
+    }
+
+    /// Returns a picture half as wide and half as high, in which each pixel is the mean of four. A last odd
+    /// row or column is left out.
+    pub fn halved(&self) -> Self {
+        let mut half = Self::new(self.width / 2, self.height / 2, [0; 3]);
+        for y in 0..half.height {
+            for x in 0..half.width {
+                let at = |dx: u32, dy: u32| {
+                    let (x, y) = ((2 * x + dx) as usize, (2 * y + dy) as usize);
+                    self.pixels[y * self.width as usize + x].map(u16::from)
+                };
+                let [a, b, c, d] = [at(0, 0), at(1, 0), at(0, 1), at(1, 1)];
+                let mean = std::array::from_fn(|i| ((a[i] + b[i] + c[i] + d[i] + 2) / 4) as u8);
+                half.set(x.into(), y.into(), mean);
+            }
+        }
+        half
+    }
+
+    /// Returns this picture with another to the right of it. What is below the lower of the two has the color
+    /// `ground`.
+    pub fn beside(&self, right: &Self, ground: Color) -> Self {
+        let mut both = Self::new(self.width + right.width, self.height.max(right.height), ground);
+        for (picture, left) in [(self, 0), (right, i64::from(self.width))] {
+            for (row, pixels) in (0..).zip(picture.pixels.chunks(picture.width.max(1) as usize)) {
+                (left..).zip(pixels).for_each(|(column, &color)| both.set(column, row, color));
+            }
+        }
+        both
+    }
+}
+
+/// Writes pictures of one size as a PNG [file](write_with), replacing a file of that name: an animation that
+/// repeats without end, in which each picture is shown for a time in milliseconds. A viewer without animation
+/// shows the first. Returns a message with the path if that fails, also if there is no picture.
+pub fn save_animation(path: &Path, pictures: &[Canvas], milliseconds: u16) -> Result<(), String> {
+    let first = pictures.first().ok_or_else(|| format!("{}: there are no pictures", path.display()))?;
+    write_with(path, |out| {
+        let mut encoder = png::Encoder::new(out, first.width, first.height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        if pictures.len() > 1 {
+            encoder.set_animated(pictures.len() as u32, 0)?;
+            encoder.set_frame_delay(milliseconds, 1000)?;
+        }
+        let mut writer = encoder.write_header()?;
+        for picture in pictures {
+            writer.write_image_data(picture.pixels.as_flattened())?;
+        }
+        writer.finish()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_animation_has_all_pictures_and_plain_readers_see_the_first() {
+        let path = std::env::temp_dir().join(format!("visibility-animation-{}.png", std::process::id()));
+        let colors = [[255, 0, 0], [0, 255, 0], [0, 0, 255]];
+        let pictures = colors.map(|color| Canvas::new(5, 3, color).beside(&Canvas::new(2, 1, color), [9; 3]));
+        save_animation(&path, &pictures, 40).unwrap();
+        let file = std::io::BufReader::new(std::fs::File::open(&path).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let control = *reader.info().animation_control().unwrap();
+        assert_eq!((control.num_frames, control.num_plays), (3, 0), "pictures, and without end");
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        for color in colors {
+            reader.next_frame(&mut pixels).unwrap();
+            let (pixel, below) = (&pixels[18..21], &pixels[3 * 7 + 18..3 * 7 + 21]);
+            assert_eq!((pixel, below), (&color[..], &[9; 3][..]), "the right picture, and what is below it");
+        }
+        std::fs::remove_file(&path).unwrap();
+        assert!(save_animation(&path, &[], 40).is_err(), "no pictures");
+    }
+
+    #[test]
+    fn a_halved_picture_has_the_means_of_squares() {
+        let mut canvas = Canvas::new(5, 2, [0; 3]);
+        canvas.rectangle(2, 0, 1, 2, [200, 100, 1]);
+        let half = canvas.halved();
+        assert_eq!((half.width, half.height), (2, 1), "size");
+        assert_eq!(half.pixels, [[0; 3], [100, 50, 1]], "means, rounded to nearest");
     }
 }

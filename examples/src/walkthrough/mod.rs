@@ -18,7 +18,7 @@ pub mod freeze;
 pub mod judge;
 pub mod map_picture;
 pub mod output;
-pub(crate) mod palette;
+pub mod palette;
 pub mod prepared;
 pub mod trial;
 pub mod world;

@@ -3,7 +3,7 @@
 use super::canvas::Color;
 
 /// Color of the background.
-pub(crate) const PAPER: Color = [250, 250, 247];
+pub const PAPER: Color = [250, 250, 247];
 /// Color of text and outlines.
 pub(crate) const INK: Color = [40, 40, 40];
 /// Color of objects that are hidden and not reported.
