@@ -261,7 +261,7 @@ fn extremes_are_errors_or_answers() {
     let world = World { boxes: vec![(DVec3::ZERO, DVec3::splat(1e6))], up: 2 };
     let mut scene = world.scene();
     let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3])) });
-    scene.set_triangles(id, [[Vec3::NAN, Vec3::INFINITY, Vec3::ZERO], [Vec3::ZERO; 3]]).unwrap();
+    scene.set_triangles(id, [[Vec3::NAN, Vec3::ONE, Vec3::ZERO], [Vec3::ZERO; 3]]).unwrap();
     let grid = Grid::new(DVec3::ZERO, DVec3::ONE).unwrap();
     let free = |radius: f64, reach: f64| {
         let camera = CameraRange { radius, ..CameraRange::default() };

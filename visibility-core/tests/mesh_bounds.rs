@@ -147,6 +147,12 @@ fn triangles_outside_the_bounds_are_refused() {
     );
     let error = scene.set_triangles(ids[0], triangles(Vec3::ZERO)).unwrap_err();
     assert_eq!(error, SceneError::Triangles(ids[0]), "triangles outside the bounds");
+    let infinite = [[HOUSE.min, HOUSE.max, Vec3::new(f32::INFINITY, 1.0, 1.0)]];
+    assert_eq!(
+        scene.set_triangles(ids[0], infinite),
+        Err(SceneError::Triangles(ids[0])),
+        "a triangle that has no end, within bounds that have one"
+    );
     assert!(scene.occluder(ids[0]).is_some(), "a failed call changes nothing");
     assert_eq!(
         scene.triangles(ids[0]).unwrap(),

@@ -494,16 +494,18 @@ fn another_mesh_or_place_of_an_occluders_mesh_counts() {
 }
 
 /// An occluder without flag and triangles that the caller names: another turn of the object within the same
-/// bounds counts, and so does another mesh.
+/// bounds counts, and so do another mesh and glass.
 #[test]
-fn another_turn_or_mesh_of_a_named_occluder_counts() {
+fn changes_of_a_named_occluder_count() {
     type Change = fn(&mut Scene, ObjectId, Affine3A);
     fn set_mesh(scene: &mut Scene, id: ObjectId, at: Affine3A, high: f32) {
         let part = Aabb::from_arrays([-0.5, -0.25, -0.5], [0.5, high, 0.5]);
         let mesh = scene.add_mesh(OccluderMesh::cuboid(&part).unwrap());
         scene.set_mesh(id, mesh, at).unwrap();
     }
-    let changes: [(&str, bool, bool, Change); 4] = [
+    let changes: [(&str, bool, bool, Change); 6] = [
+        ("glass", false, true, |scene, id, _| scene.set_see_through(id, true).unwrap()),
+        ("one-sided", false, true, |scene, id, _| scene.set_one_sided(id, true).unwrap()),
         ("the same place", false, false, |scene, id, at| scene.set_transform(id, at).unwrap()),
         ("half a turn", false, true, |scene, id, at| {
             let turn = Affine3A::from_scale(Vec3::new(-1.0, -1.0, 1.0));

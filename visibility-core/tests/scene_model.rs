@@ -388,3 +388,20 @@ fn a_parent_that_loses_its_last_child_has_changed() {
         assert!(changed.contains(&parent), "child removed: {removes}; changed: {changed:?}");
     }
 }
+
+/// Another child of a parent queues the blocks of the two alone for maintenance, however many children there
+/// are.
+#[test]
+fn linking_a_child_leaves_its_siblings_alone() {
+    let mut scene = Scene::new();
+    let parent = scene.insert(Aabb::from_arrays([0.0; 3], [100.0; 3]));
+    let boxes = (0..10_000).map(|i| [(i % 100) as f32, (i / 100) as f32, 0.0]);
+    let ids = scene.insert_batch(boxes.map(|at| Aabb::from_arrays(at, at.map(|x| x + 1.0))));
+    ids.iter().for_each(|&id| scene.set_hlod_parent(id, Some(parent)).unwrap());
+    for to in [None, Some(parent)] {
+        scene.maintain(usize::MAX);
+        scene.set_hlod_parent(ids[0], to).unwrap();
+        let waiting = scene.maintain(0).waiting;
+        assert!(waiting <= 2, "{waiting} blocks wait after the parent became {to:?}");
+    }
+}

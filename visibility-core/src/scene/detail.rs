@@ -170,10 +170,6 @@ impl Scene {
         self.grow_details();
         let former = self.hlod_parent(id)?;
         self.unlink(id);
-        if let Some(former) = former {
-            // Without children, an object is drawn at every distance again.
-            self.details_changed(former);
-        }
         if let Some(parent) = parent {
             let details = &mut self.tree.details;
             let next = core::mem::replace(&mut details[parent.index()].first_child, link(id));
@@ -181,7 +177,12 @@ impl Scene {
                 details[next].previous = link(id);
             }
             (details[id.index()].parent, details[id.index()].next) = (link(parent), next);
-            self.details_changed(parent);
+        }
+        // With its first child an object begins to be drawn from afar alone, and without children it is drawn at
+        // every distance again. Its other children are drawn as before.
+        for parent in [former, parent].into_iter().flatten() {
+            self.raise_bounds(self.tree.slots[parent.index()]);
+            self.log.push(parent, self.generations.len());
         }
         self.details_changed(id);
         Ok(())

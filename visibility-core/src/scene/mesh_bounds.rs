@@ -52,7 +52,9 @@ pub(super) fn is_any_outside(triangles: Triangles<'_>, bounds: &Aabb) -> bool {
     let moved = placed.map_or(Vec3::ZERO, |known| known.min.abs().max(known.max.abs()) / 4.0);
     let outside = |p: Vec3| {
         let p = Vec3A::from(p);
-        let [least, greatest] = widened(bounds, p.abs() + Vec3A::from(moved));
+        // An infinite corner is outside of finite bounds.
+        let size = (p.abs() + Vec3A::from(moved)).min(Vec3A::MAX);
+        let [least, greatest] = widened(bounds, size);
         p.cmplt(least).any() || p.cmpgt(greatest).any()
     };
     // On each axis, a coordinate plus or minus its slack grows with the coordinate. So if neither corner of a
