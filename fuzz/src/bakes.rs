@@ -1,15 +1,12 @@
-//! Fuzz target: the state of an interrupted bake with arbitrary changes and a repaired checksum. It must be
+//! The state of an interrupted bake with arbitrary changes and a repaired checksum. It must be
 //! refused with an error, or resume and run to its end.
-#![no_main]
-
-use libfuzzer_sys::fuzz_target;
+use crate::mend;
 use visibility_core::bake::Bake;
 use visibility_core::{
     cells::{CellGraph, CellId},
     geometry::ConvexPolygon,
     glam::DVec3,
 };
-use visibility_fuzz::mend;
 use visibility_portals::{BakerSettings, CellBaker, ChainTest};
 
 /// Makes nine rooms in a row, with doors alternately to the left and to the right.
@@ -23,8 +20,9 @@ fn rooms() -> CellGraph {
     CellGraph::new(9, (0..8).map(door)).expect("doors between rooms")
 }
 
-fuzz_target!(|bytes: &[u8]| {
-    let Some((&[rounds, settings], changes)) = bytes.split_first_chunk::<2>() else { return };
+/// Runs the target on some bytes. Returns whether the changed state was resumed.
+pub fn run(bytes: &[u8]) -> bool {
+    let Some((&[rounds, settings], changes)) = bytes.split_first_chunk::<2>() else { return false };
     let steps_per_cell = if settings & 1 == 0 { u64::MAX } else { 20 };
     let chain_test = if settings & 2 != 0 { ChainTest::Pluecker } else { ChainTest::Separators };
     let settings = BakerSettings::default().with_steps_per_cell(steps_per_cell).with_chain_test(chain_test);
@@ -45,12 +43,12 @@ fuzz_target!(|bytes: &[u8]| {
     }
     mend(&mut saved);
     let baker = CellBaker::new(&graph, settings).expect("rooms that can be baked");
-    let Ok(mut bake) = Bake::resume(baker, &saved) else { return };
+    let Ok(mut bake) = Bake::resume(baker, &saved) else { return false };
     for _ in 0..1000 {
         if bake.advance().is_none() {
             bake.finish().matrix.to_pvs(&graph).expect("as many cells as the graph");
-            return;
+            return true;
         }
     }
     panic!("no end in a thousand rounds");
-});
+}

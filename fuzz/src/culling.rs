@@ -1,23 +1,19 @@
-//! Fuzz target: arbitrary bytes as a scene with cameras, culled by one of all cullers. No culler may panic,
+//! Arbitrary bytes as a scene with cameras, culled by one of all cullers. No culler may panic,
 //! and a conservative culler must hide nothing that an exact ray sees.
-#![no_main]
-
-#[path = "../../examples/tests/extremes/oracle.rs"]
-mod oracle;
-
-use libfuzzer_sys::fuzz_target;
+use crate::Bytes;
+use crate::oracle;
 use visibility_core::glam::DVec4;
-use visibility_core::{view::Eye, View, VisibleSet};
+use visibility_core::{View, VisibleSet, view::Eye};
 use visibility_examples::walkthrough::{World, cullers};
-use visibility_fuzz::Bytes;
 use visibility_testing::{Random, cameras};
 
-fuzz_target!(|bytes: &[u8]| {
+/// Runs the target on some bytes. Returns whether a culler has culled the scene from some view.
+pub fn run(bytes: &[u8]) -> bool {
     let mut bytes = Bytes::new(bytes);
-    let Some(culler) = bytes.byte() else { return };
+    let Some(culler) = bytes.byte() else { return false };
     let mut views = Vec::new();
     for _ in 0..2 {
-        let (Some(depth), Some(matrix)) = (bytes.byte(), bytes.numbers::<16>()) else { return };
+        let (Some(depth), Some(matrix)) = (bytes.byte(), bytes.numbers::<16>()) else { return false };
         let view = View::from_clip_from_world(matrix, cameras::DEPTHS[usize::from(depth) % 6]);
         views.extend(view.ok().filter(is_of_a_camera));
     }
@@ -26,7 +22,7 @@ fuzz_target!(|bytes: &[u8]| {
     let names: Vec<_> = cullers::known().collect();
     let known = names[usize::from(culler) % names.len()];
     let dial = known.dials.first().map_or_else(String::new, |dial| format!(":{dial}"));
-    let Ok(mut made) = cullers::parse(&format!("{}{dial}", known.name), &world) else { return };
+    let Ok(mut made) = cullers::parse(&format!("{}{dial}", known.name), &world) else { return false };
     let mut pipeline = made.remove(0).1;
     let mut visible = VisibleSet::new();
     for view in &world.views {
@@ -49,7 +45,8 @@ fuzz_target!(|bytes: &[u8]| {
             assert_eq!(point, None, "{} hides object {index}", known.name);
         }
     }
-});
+    !world.views.is_empty()
+}
 
 /// Tests whether the near plane is in front of the eye, as the contract of a view requires.
 fn is_of_a_camera(view: &View) -> bool {

@@ -1,23 +1,22 @@
-//! Fuzz target: arbitrary bytes as a baked potentially visible set. They must be refused with an error, or be
+//! Arbitrary bytes as a baked potentially visible set. They must be refused with an error, or be
 //! readable to the last row.
-#![no_main]
-
-use libfuzzer_sys::fuzz_target;
+use crate::mend;
 use visibility_core::pvs::{Pvs, ViewcellId};
-use visibility_fuzz::mend;
 
-fuzz_target!(|bytes: &[u8]| {
+/// Runs the target on some bytes. Returns whether they were accepted with a repaired checksum.
+pub fn run(bytes: &[u8]) -> bool {
     ask(bytes.to_vec());
     let mut mended = bytes.to_vec();
     mend(&mut mended);
-    ask(mended);
-});
+    ask(mended)
+}
 
-/// Reads a set from bytes and, if it is accepted, compares single queries with whole rows.
-fn ask(bytes: Vec<u8>) {
-    let Ok(pvs) = Pvs::from_bytes(bytes) else { return };
+/// Reads a set from bytes and, if it is accepted, compares single queries with whole rows. Returns whether
+/// it is accepted.
+fn ask(bytes: Vec<u8>) -> bool {
+    let Ok(pvs) = Pvs::from_bytes(bytes) else { return false };
     if pvs.target_count() > 1 << 20 {
-        return;
+        return true;
     }
     let mut words = Vec::new();
     for cell in (0..pvs.viewcell_count() as u32 + 1).map(ViewcellId) {
@@ -28,4 +27,5 @@ fn ask(bytes: Vec<u8>) {
             assert_eq!(pvs.sees(cell, target), sees, "{cell:?}: target {target} by itself and in the row");
         }
     }
+    true
 }

@@ -1,18 +1,12 @@
-//! Fuzz target: arbitrary bytes as a scene with a viewcell, for one of all methods for viewcells. No method
+//! Arbitrary bytes as a scene with a viewcell, for one of all methods for viewcells. No method
 //! may panic, and a conservative method must hide nothing that an exact ray from the viewcell sees.
-#![no_main]
-
-#[path = "../../examples/tests/extremes/oracle.rs"]
-#[allow(dead_code)]
-mod oracle;
-
-use libfuzzer_sys::fuzz_target;
+use crate::Bytes;
+use crate::oracle;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_examples::region::methods::{self, METHODS};
 use visibility_examples::region::{trial, world};
-use visibility_fuzz::Bytes;
 use visibility_testing::Random;
 
 /// Reads the coordinates of a point. `None` at the end of the bytes.
@@ -31,19 +25,22 @@ fn viewcell(bytes: &mut Bytes<'_>) -> Option<Viewcell> {
     Some(cell)
 }
 
-fuzz_target!(|bytes: &[u8]| {
+/// Runs the target on some bytes. Returns whether a method has found what the viewcell sees.
+pub fn run(bytes: &[u8]) -> bool {
     let mut bytes = Bytes::new(bytes);
-    let (Some(method), Some(cell)) = (bytes.byte(), viewcell(&mut bytes)) else { return };
+    let (Some(method), Some(cell)) = (bytes.byte(), viewcell(&mut bytes)) else { return false };
     let world = world(bytes.scene());
     let name = METHODS[usize::from(method) % METHODS.len()].name;
-    let Ok(mut made) = methods::parse(name, &world) else { return };
+    let Ok(mut made) = methods::parse(name, &world) else { return false };
     let trial = trial::run(name, made[0].1.as_mut(), &world.scene, &cell);
     if !trial.accuracy.never_hides() {
-        return;
+        return true;
     }
-    for index in (0..world.source.objects.len()).filter(|&i| trial.reported.binary_search(&(i as u32)).is_err())
+    for index in
+        (0..world.source.objects.len()).filter(|&i| trial.reported.binary_search(&(i as u32)).is_err())
     {
         let sight = oracle::sight_from_cell(&world, &cell, index, &mut Random(1), &mut 0);
         assert_eq!(sight, None, "{name} hides object {index} from {cell:?}");
     }
-});
+    true
+}

@@ -1,8 +1,6 @@
-//! Fuzz target: the state of an interrupted bake, or its cache, with arbitrary changes and a repaired
+//! The state of an interrupted bake, or its cache, with arbitrary changes and a repaired
 //! checksum. It must be refused with an error, or a bake must accept it and run to its end.
-#![no_main]
-
-use libfuzzer_sys::fuzz_target;
+use crate::{change, mend};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock};
 use visibility_bake::{BakeCache, SandwichBaker, SandwichSettings, TiledScene};
@@ -10,7 +8,6 @@ use visibility_core::bake::Bake;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::{Viewcell, Viewcells};
 use visibility_core::{Aabb, Object, OccluderMesh, Scene};
-use visibility_fuzz::{change, mend};
 
 /// Level with viewcells, and the valid files that bakes of it have stored.
 struct Real {
@@ -92,9 +89,10 @@ fn many_tiles() -> Real {
     Real::new(scene, &[[5.0, 0.0], [6.0, 0.0], [30.0, 0.0]])
 }
 
-fuzz_target!(|bytes: &[u8]| {
+/// Runs the target on some bytes. Returns whether the changed state or cache was accepted.
+pub fn run(bytes: &[u8]) -> bool {
     static REAL: OnceLock<[Real; 2]> = OnceLock::new();
-    let Some((&kind, changes)) = bytes.split_first() else { return };
+    let Some((&kind, changes)) = bytes.split_first() else { return false };
     let real = &REAL.get_or_init(|| [one_tile(), many_tiles()])[usize::from(kind % 2)];
     let kind = kind / 2;
     let state = real.states.get(usize::from(kind % 4));
@@ -105,13 +103,13 @@ fuzz_target!(|bytes: &[u8]| {
         // Every other resumed bake also gets the cache of an earlier bake.
         let cache =
             if kind / 4 % 2 == 0 { BakeCache::default() } else { cache(&real.cache).expect("own bytes") };
-        let Ok(bake) = Bake::resume(real.baker().with_cache(cache), &forged) else { return };
+        let Ok(bake) = Bake::resume(real.baker().with_cache(cache), &forged) else { return false };
         let saved = bake.save();
         let again = Bake::resume(real.baker(), &saved).expect("its own bytes");
         assert_eq!(again.save(), saved, "a resumed bake, saved again");
         bake
     } else {
-        let Some(cache) = cache(&forged) else { return };
+        let Some(cache) = cache(&forged) else { return false };
         assert_eq!(BakeCache::from_bytes(&cache.to_bytes()), Ok(cache.clone()), "a cache from its own bytes");
         Bake::new(real.baker().with_cache(cache))
     };
@@ -124,8 +122,12 @@ fuzz_target!(|bytes: &[u8]| {
         let is_known = last.is_none_or(|&last| (last as usize) < real.level.index_limit());
         assert!(is_known, "a row ends with the target {last:?}");
     }
-    assert!(BakeCache::from_bytes(&outcome.cache.to_bytes()).is_ok(), "the cache of a bake from its own bytes");
-});
+    assert!(
+        BakeCache::from_bytes(&outcome.cache.to_bytes()).is_ok(),
+        "the cache of a bake from its own bytes"
+    );
+    true
+}
 
 fn cache(bytes: &[u8]) -> Option<BakeCache> {
     BakeCache::from_bytes(bytes).ok()
