@@ -1,13 +1,13 @@
-//! Test that the program `bake` takes no file for good that a full disk has cut short, and that a bake after that
-//! has the bytes of one that had room enough. A limit on the size of files stands for the disk.
+//! Test that the program `bake` takes no file for good that a full disk has cut short, and that a bake after
+//! that has the bytes of one that had room enough. A limit on the size of files stands for the disk.
 #![cfg(target_os = "linux")]
 
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Bakes a few viewcells into `set` and `cache` in a folder, with a state that is written often. Files end after
-/// `blocks` blocks of 512 bytes, and writing beyond is an error.
+/// Bakes a few viewcells into `set` and `cache` in a folder, with a state that is written often. Files end
+/// after `blocks` blocks of 512 bytes, and writing beyond is an error.
 fn bake(folder: &Path, blocks: &str) -> Output {
     let mut command = Command::new("sh");
     command.args(["-c", "trap '' XFSZ; ulimit -f $0; exec \"$@\"", blocks, env!("CARGO_BIN_EXE_bake")]);

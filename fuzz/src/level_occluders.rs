@@ -1,5 +1,5 @@
-//! The file of a level's occluders, or any bytes in its place, with arbitrary changes and a repaired checksum.
-//! It must be refused with an error, or be drawn into a z-buffer from several sides.
+//! The file of a level's occluders, or any bytes in its place, with arbitrary changes and a repaired
+//! checksum. It must be refused with an error, or be drawn into a z-buffer from several sides.
 
 use crate::{change, mend};
 use std::sync::{Arc, OnceLock};

@@ -1,6 +1,6 @@
-//! The fuzz targets. Each is a function from bytes to whether a reader accepted them, or what was made of them,
-//! and panics where a promise is broken. Programs of `fuzz_targets` run one in libFuzzer, `mutate` in a loop of
-//! its own.
+//! The fuzz targets. Each is a function from bytes to whether a reader accepted them, or what was made of
+//! them, and panics where a promise is broken. Programs of `fuzz_targets` run one in libFuzzer, `mutate` in a
+//! loop of its own.
 
 pub mod baked_sets;
 pub mod bakes;

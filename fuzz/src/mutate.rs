@@ -1,10 +1,10 @@
-//! Runs fuzz targets on changed inputs in a plain loop, on a stable compiler and without libFuzzer. Prints for
-//! each target how many inputs were run and how many of them its reader accepted: a target that accepts none
-//! reaches nothing behind its first checks.
+//! Runs fuzz targets on changed inputs in a plain loop, on a stable compiler and without libFuzzer. Prints
+//! for each target how many inputs were run and how many of them its reader accepted: a target that accepts
+//! none reaches nothing behind its first checks.
 //!
 //! `mutate (TARGET | all) [--minutes N] [--seed S]`, or `mutate TARGET FILE...` to run files as they are. The
-//! input that is run stands in `artifacts/TARGET.running`, so that one that ends the program is not lost. Inputs
-//! that cause a panic are kept in `artifacts` as well, one for each place of a panic.
+//! input that is run stands in `artifacts/TARGET.running`, so that one that ends the program is not lost.
+//! Inputs that cause a panic are kept in `artifacts` as well, one for each place of a panic.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -192,7 +192,8 @@ const WORDS: [&str; 14] = [
 
 /// Returns an input of the pool, which begins with `seeds` seeds, with some changes.
 fn changed(pool: &[Vec<u8>], seeds: usize, random: &mut Random) -> Vec<u8> {
-    // Half of all begin with a seed, so that a kind of file that is accepted easily does not replace the others.
+    // Half of all begin with a seed, so that a kind of file that is accepted easily does not replace the
+    // others.
     let count = if random.one_in(2) { seeds } else { pool.len() };
     let mut bytes = pool[random.below(count)].clone();
     loop {

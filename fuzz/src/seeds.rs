@@ -50,7 +50,8 @@ fn push(number: f32, out: &mut Vec<u8>) {
     out.extend(number.to_le_bytes());
 }
 
-/// Appends a wall at x = 2 m, which faces the origin, and small triangles before and behind it, each an object.
+/// Appends a wall at x = 2 m, which faces the origin, and small triangles before and behind it, each an
+/// object.
 fn push_scene(random: &mut Random, out: &mut Vec<u8>) {
     let mut triangle = |corners: [Vec3; 3]| {
         // A first byte of 0 begins an object.

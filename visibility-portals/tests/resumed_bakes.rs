@@ -112,8 +112,9 @@ fn a_saved_bake_of_objects_goes_on_to_the_same_answer() {
                 "{steps_per_cell} steps: a stopped bake hides more"
             );
         }
-        // A row with an object of no cell is refused, and one that lacks the object in its own cell. The first
-        // row follows the header, the steps, the list of 33 cells that wait, and its own kind, steps and count.
+        // A row with an object of no cell is refused, and one that lacks the object in its own cell. The
+        // first row follows the header, the steps, the list of 33 cells that wait, and its own kind, steps
+        // and count.
         let saved = bake.save();
         let row = HEADER_LENGTH + 12 + 33 * 4 + 16;
         let mut unknown = saved.clone();

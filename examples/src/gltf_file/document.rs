@@ -162,8 +162,8 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
         }
     };
     root.validate(&root, JsonPath::new, &mut report);
-    // The validation of the `gltf` crate leaves out the targets of channels, and panics when it looks up their nodes
-    // and paths.
+    // The validation of the `gltf` crate leaves out the targets of channels, and panics when it looks up
+    // their nodes and paths.
     for (index, animation) in root.animations.iter().enumerate() {
         for (channel_index, channel) in animation.channels.iter().enumerate() {
             let channels = || JsonPath::new().field("animations").index(index).field("channels");
