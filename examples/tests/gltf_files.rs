@@ -305,6 +305,12 @@ fn a_file_that_many_buffers_name_is_in_memory_once() {
     assert_eq!(scene.triangle_count(), 2, "triangles of the first buffer");
 }
 
+/// Returns animations with one channel.
+fn animation(node: usize, path: &str) -> Value {
+    let channel = json!({"sampler": 0, "target": {"node": node, "path": path}});
+    json!([{"channels": [channel], "samplers": [{"input": 1, "output": 0}]}])
+}
+
 #[test]
 fn hostile_documents_are_explained() {
     let big = json!(u64::MAX);
@@ -337,6 +343,8 @@ fn hostile_documents_are_explained() {
         ("/scenes/0/nodes/0", json!(1u64 << 32), "beyond all indices"),
         ("/meshes/0/primitives/0/attributes/POSITION", json!(1u64 << 32), "beyond all indices"),
         ("/accessors/0/componentType", json!((1u64 << 32) + 5126), "beyond all indices"),
+        ("/animations", animation(9, "scale"), "target.node"),
+        ("/animations", animation(1, "size"), "target.path"),
         ("/asset/version", json!("1.0"), "version"),
     ];
     let mut failures = Vec::new();

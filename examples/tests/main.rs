@@ -12,6 +12,7 @@ mod cut_occluders;
 mod engine;
 mod exact_scenes;
 mod extremes;
+mod full_disk;
 mod gltf_contents;
 mod gltf_files;
 mod gltf_instances;

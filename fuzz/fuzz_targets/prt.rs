@@ -1,27 +1,6 @@
-//! Fuzz target: arbitrary text as a map of cells and portals. It must be refused with the number of the line,
-//! or be baked to a symmetric matrix.
+//! Runs `visibility_fuzz::prt` in libFuzzer.
 #![no_main]
 
-use libfuzzer_sys::fuzz_target;
-use visibility_core::bake::Bake;
-use visibility_core::cells::CellId;
-use visibility_portals::{BakerSettings, CellBaker, CellMatrix, prt};
-
-fuzz_target!(|bytes: &[u8]| {
-    let Ok(text) = std::str::from_utf8(bytes) else { return };
-    let Ok(map) = prt::read(text) else { return };
-    let cells = map.graph.cell_count();
-    if cells > 300 {
-        return;
-    }
-    let _ = CellMatrix::from_bytes(cells, bytes);
-    let settings = BakerSettings::default().with_steps_per_cell(2_000);
-    let Ok(baker) = CellBaker::new(&map.graph, settings) else { return };
-    let mut bake = Bake::new(baker);
-    while bake.advance().is_some() {}
-    let matrix = bake.finish().matrix;
-    let cell = |index: usize| CellId(index as u32);
-    for (a, b) in (0..cells).flat_map(|a| (0..a).map(move |b| (cell(a), cell(b)))) {
-        assert_eq!(matrix.sees(a, b), matrix.sees(b, a), "whether {a:?} and {b:?} see each other");
-    }
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    visibility_fuzz::prt::run(bytes);
 });

@@ -1,4 +1,21 @@
-//! Library of the fuzz targets.
+//! The fuzz targets. Each is a function from bytes to whether a reader accepted them, or what was made of
+//! them, and panics where a promise is broken. Programs of `fuzz_targets` run one in libFuzzer, `mutate` in a
+//! loop of its own.
+
+pub mod baked_sets;
+pub mod bakes;
+pub mod culling;
+pub mod level_occluders;
+#[path = "../../examples/tests/extremes/oracle.rs"]
+#[allow(dead_code)]
+mod oracle;
+pub mod plans;
+pub mod prt;
+pub mod pvs;
+pub mod regions;
+pub mod sandwich_bakes;
+pub mod scene_files;
+pub mod seeds;
 
 use visibility_core::glam::Vec3;
 use visibility_examples::{SceneSource, SourceObject};

@@ -254,6 +254,15 @@ fn read_clusters(mut numbers: &[u8], vertices: &[Vec3], shapes: &[u64]) -> Read 
             if edges[first..].as_flattened().iter().any(|&v| balance[(v - first_vertex) as usize] != 0) {
                 return Err("an outline is not closed");
             }
+            // The extent tells how far away the polygon is, so a wrong one would hide what stands before it.
+            // Writers compute the same products, and enlarge their bounds.
+            let is_within = |&vertex: &u32| {
+                let along = normal.dot(vertices[vertex as usize].as_dvec3());
+                low <= along && along <= high
+            };
+            if !edges[first..].as_flattened().iter().all(is_within) {
+                return Err("a vertex lies outside the extent of its polygon");
+            }
             let range = [first, edges.len()].map(u32::try_from);
             let [Ok(first), Ok(end)] = range else { return Err("there are too many edges") };
             polygons.push(OccluderPolygon {

@@ -120,6 +120,25 @@ fn content_that_cannot_be_drawn_is_refused() {
         problem(&level, numbers + 5, &[other as u8]).contains("an outline is not closed"),
         "an outline that ends at {other} instead of its first vertex"
     );
+    // An extent that leaves out a vertex of the polygon, by one rounding and by far.
+    let polygon = level.polygons()[0];
+    let corners = level.edges()[polygon.edges[0] as usize..polygon.edges[1] as usize].as_flattened();
+    let along = corners.iter().map(|&v| polygon.normal.dot(level.vertices()[v as usize].as_dvec3()));
+    let [least, greatest] =
+        [along.clone().fold(f64::INFINITY, f64::min), along.fold(f64::NEG_INFINITY, f64::max)];
+    let with_extent = |extent: [f64; 2]| {
+        let mut file = level.to_bytes();
+        file[shapes + 24..shapes + 40].copy_from_slice(extent.map(f64::to_le_bytes).as_flattened());
+        mend_header(&mut file, 0);
+        LevelOccluders::from_bytes(&file, None).err().map(|error| error.to_string())
+    };
+    assert_eq!(with_extent([least, greatest]), None, "the extent of the vertices");
+    for extent in
+        [[least.next_up(), greatest.next_up()], [least.next_down(), greatest.next_down()], [1e3, 2e3]]
+    {
+        let found = with_extent(extent).unwrap_or_default();
+        assert!(found.contains("a vertex lies outside the extent"), "{extent:?}: {found}");
+    }
     // A vertex, or a polygon, that belongs to no cluster.
     for (count, bytes) in [(FRONT, 12), (FRONT + 4, 56)] {
         let mut file = LevelOccluders::default().to_bytes();
@@ -140,7 +159,7 @@ fn forged_bytes_take_no_more_memory_than_their_size_allows() {
         all += 1;
         read += usize::from(LevelOccluders::from_bytes(&file, None).is_ok());
     });
-    // Some forged files are read: positions, areas and report counts may have any value.
+    // Some forged files are read: areas and report counts may have any value.
     assert!(read > 0 && read < all, "{read} of {all}");
 }
 

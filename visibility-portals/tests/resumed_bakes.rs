@@ -112,8 +112,23 @@ fn a_saved_bake_of_objects_goes_on_to_the_same_answer() {
                 "{steps_per_cell} steps: a stopped bake hides more"
             );
         }
-        // The fingerprint depends on all input of the bake.
+        // A row with an object of no cell is refused, and one that lacks the object in its own cell. The
+        // first row follows the header, the steps, the list of 33 cells that wait, and its own kind, steps
+        // and count.
         let saved = bake.save();
+        let row = HEADER_LENGTH + 12 + 33 * 4 + 16;
+        let mut unknown = saved.clone();
+        let last = row + 4 * (usize::from(saved[row - 4]) - 1);
+        unknown[last..last + 4].copy_from_slice(&1000u32.to_le_bytes());
+        let mut lacking = saved.clone();
+        lacking.drain(row..row + 4);
+        lacking[row - 4] -= 1;
+        for (mut forged, said) in [(unknown, "an unknown object"), (lacking, "an object that is in it")] {
+            mend_header(&mut forged, 0);
+            let refused = Bake::resume(new(), &forged).unwrap_err().to_string();
+            assert!(refused.contains(said), "{steps_per_cell} steps: {refused}, not {said}");
+        }
+        // The fingerprint depends on all input of the bake.
         let moved = |id: visibility_core::ObjectId| boxes.get(id.index()).map(|&[min, max]| [min, max + 0.1]);
         let other = ObjectBaker::new(&graph, &cells, moved, settings).unwrap();
         assert_eq!(

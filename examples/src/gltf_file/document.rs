@@ -155,12 +155,21 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
         }
     }
     let mut first = None;
-    root.validate(&root, JsonPath::new, &mut |place, error| {
+    let mut report = |place: &dyn Fn() -> JsonPath, error: Error| {
         // A missing buffer view is allowed here: an accessor without one is all zeros.
         if first.is_none() && error != Error::Missing {
             first = Some((place().to_string(), error.to_string()));
         }
-    });
+    };
+    root.validate(&root, JsonPath::new, &mut report);
+    // The validation of the `gltf` crate leaves out the targets of channels, and panics when it looks up
+    // their nodes and paths.
+    for (index, animation) in root.animations.iter().enumerate() {
+        for (channel_index, channel) in animation.channels.iter().enumerate() {
+            let channels = || JsonPath::new().field("animations").index(index).field("channels");
+            channel.target.validate(&root, || channels().index(channel_index).field("target"), &mut report);
+        }
+    }
     if let Some((place, problem)) = first {
         return Err(wrong(&place, problem));
     }

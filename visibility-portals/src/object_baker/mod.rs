@@ -189,7 +189,9 @@ impl Baker for ObjectBaker<'_> {
     }
 
     fn load(&mut self, state: &mut Reader<'_>) -> Result<(), FormatError> {
-        for seen in &mut self.done {
+        let cells = (0..self.done.len() as u32).map(CellId);
+        let known = self.targets.in_cells(cells.clone());
+        for (cell, seen) in cells.zip(&mut self.done) {
             *seen = match state.u32()? {
                 0 => None,
                 how @ (1 | 2) => {
@@ -197,6 +199,13 @@ impl Baker for ObjectBaker<'_> {
                     let row = state.u32s(count)?;
                     if row.windows(2).any(|pair| pair[0] >= pair[1]) {
                         return Err(state.content_error("the objects that a cell sees are out of order"));
+                    }
+                    if row.iter().any(|object| known.binary_search(object).is_err()) {
+                        return Err(state.content_error("a cell sees an unknown object"));
+                    }
+                    let own = self.targets.in_cells([cell].into_iter());
+                    if own.iter().any(|object| row.binary_search(object).is_err()) {
+                        return Err(state.content_error("a cell does not see an object that is in it"));
                     }
                     Some(SeenObjects { row, steps, gave_up: how == 2 })
                 }
