@@ -1,0 +1,45 @@
+//! Climbs towards boxes that a culler hides from a viewcell and a line of sight reaches, with viewcells, meshes
+//! and lines of sight in exact arithmetic, at any power of two as the unit of coordinates.
+
+use visibility_core::{RegionCuller, VisibleSet};
+#[cfg(feature = "papers")]
+use visibility_region::VolumetricCuller;
+use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller};
+use visibility_testing::{Random, SightWorld, climb, judged};
+
+/// Climbs from `count` random worlds and asserts that no hidden target is seen.
+fn run(seed: u64, count: usize, culler: &mut dyn RegionCuller) {
+    let mut random = Random(seed);
+    let (mut started, mut all) = (0, 0);
+    for number in 0..count {
+        let world = SightWorld::seen_from_cell(&mut random);
+        let end = climb(world, &mut random, 40, |world| {
+            let Some((scene, target)) = world.scene() else { return false };
+            let mut visible = VisibleSet::new();
+            culler.cull(&scene, &world.cell(), &mut visible);
+            !visible.contains(&scene, target)
+        });
+        let Some(end) = end else { continue };
+        assert!(end.least > 0.0, "world {number}: hidden and seen: {:?}", end.input);
+        started += 1;
+        all += end.judged;
+    }
+    judged(all);
+    assert!(started > count / 40 && all > 8 * started as u64, "{started} worlds of {count}, {all} inputs");
+}
+
+#[test]
+fn no_climb_ends_at_a_box_that_the_sweep_hides_and_a_line_reaches() {
+    run(1, 300, &mut ExtendedProjectionCuller::new());
+}
+
+#[test]
+fn no_climb_ends_at_a_box_that_solids_hide_and_a_line_reaches() {
+    run(2, 1500, &mut ConvexBlockersCuller::new());
+}
+
+#[cfg(feature = "papers")]
+#[test]
+fn no_climb_ends_at_a_box_that_volumes_hide_and_a_line_reaches() {
+    run(3, 500, &mut VolumetricCuller::new());
+}
