@@ -117,8 +117,14 @@ impl SightWorld {
         let faces: Vec<[usize; 3]>;
         let is_closed = random.one_in(3);
         if is_closed {
-            // A parallelepiped.
-            let half = [0; 3].map(|_| some(random, wide));
+            // A parallelepiped, which is upright in one case of two, and a box along the axes in one of four.
+            let mut half = [0; 3].map(|_| some(random, wide));
+            let kind = random.below(4);
+            for (axis, half) in half.iter_mut().enumerate().filter(|_| kind > 1) {
+                for k in 0..3 {
+                    half[k] *= i64::from(k == axis || (kind == 2 && k < 2 && axis < 2));
+                }
+            }
             let sign = if dot(cross(half[0], half[1]).map(|x| x >> 20), half[2]) < 0 { 1 } else { 0 };
             points = (0..8usize)
                 .map(|i| {
