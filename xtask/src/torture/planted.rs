@@ -42,7 +42,7 @@ pub(super) fn check(root: &Path, only: &str) -> Result<usize, String> {
     println!("| fault | test | noticed within |\n|---|---|---:|");
     for (package, faults) in by_package {
         let folder = root.join("target/mutants/tree");
-        let tree = Tree::new(root, folder.clone(), &package)?;
+        let tree = Tree::new(root, folder.clone(), &package)?.with_papers();
         let mutants: Vec<Mutant> = faults.iter().map(|(_, mutant)| mutant.clone()).collect();
         let mut batch: Vec<usize> = (0..mutants.len()).collect();
         let programs = tree.build(&mutants, &mut batch)?;
@@ -58,6 +58,9 @@ pub(super) fn check(root: &Path, only: &str) -> Result<usize, String> {
             let trial = Trial { program: program.clone(), test };
             let of_seed =
                 run(&trial, 0, &[]).ok_or_else(|| format!("{} fails without a fault", trial.name()))?;
+            if of_seed == 0 {
+                return Err(format!("{FAULTS}: {} judges nothing", trial.name()));
+            }
             let fault = [("MUTANT", number.to_string())];
             let seeds = (0..SEEDS).position(|seed| run(&trial, seed, &fault).is_none());
             let within = seeds.map_or("not noticed".to_owned(), |n| ((n as u64 + 1) * of_seed).to_string());
