@@ -1,5 +1,5 @@
-//! Climbs towards boxes that a horizon hides and a line of sight reaches, with cameras, solids and lines of sight
-//! in exact arithmetic: any exact matrix, any power of two as the unit of coordinates, moved origins.
+//! Climbs towards boxes that a horizon hides and a line of sight reaches, with cameras, solids and lines of
+//! sight in exact arithmetic: any exact matrix, any power of two as the unit of coordinates, moved origins.
 
 use visibility_2d::horizon::{Horizon, UpAxis};
 use visibility_core::OcclusionMap;

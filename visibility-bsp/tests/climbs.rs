@@ -1,5 +1,5 @@
-//! Climbs towards boxes that a culler hides and a line of sight reaches, with cameras, meshes and lines of sight
-//! in exact arithmetic: any exact matrix, any power of two as the unit of coordinates, moved origins.
+//! Climbs towards boxes that a culler hides and a line of sight reaches, with cameras, meshes and lines of
+//! sight in exact arithmetic: any exact matrix, any power of two as the unit of coordinates, moved origins.
 
 use crate::rims::cullers;
 use visibility_bsp::OcclusionTree;

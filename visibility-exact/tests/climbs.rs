@@ -1,5 +1,5 @@
-//! Climbs towards boxes that are proven hidden from a viewcell and that a line of sight reaches, with viewcells,
-//! meshes and lines of sight in exact arithmetic, at any power of two as the unit of coordinates.
+//! Climbs towards boxes that are proven hidden from a viewcell and that a line of sight reaches, with
+//! viewcells, meshes and lines of sight in exact arithmetic, at any power of two as the unit of coordinates.
 
 use std::sync::Arc;
 use visibility_core::{RegionCuller, VisibleSet};

@@ -1,5 +1,6 @@
-//! Climbs towards eyes that see the front of a triangle in a cluster that is said to be back: cones of patches
-//! under transforms, mirrored and sheared ones among them. All is in integers, and sides are judged exactly.
+//! Climbs towards eyes that see the front of a triangle in a cluster that is said to be back: cones of
+//! patches under transforms, mirrored and sheared ones among them. All is in integers, and sides are judged
+//! exactly.
 
 use visibility_core::glam::{DAffine3, DMat3, DVec3, Vec3};
 use visibility_core::view::Eye;

@@ -1,5 +1,6 @@
-//! Climbs towards boxes that portals hide and a line of sight through all portals reaches. Rooms stand in a row,
-//! with a rectangular portal in each wall between them; all is in integers, and lines are judged exactly.
+//! Climbs towards boxes that portals hide and a line of sight through all portals reaches. Rooms stand in a
+//! row, with a rectangular portal in each wall between them; all is in integers, and lines are judged
+//! exactly.
 
 use visibility_core::cells::{CellGraph, CellId};
 use visibility_core::geometry::ConvexPolygon;
@@ -80,8 +81,8 @@ impl Row {
         [a.min(b), a.max(b)]
     }
 
-    /// Returns how far a line of sight is outside of the portals that it must pass: at most 0 if and only if it
-    /// passes inside all of them.
+    /// Returns how far a line of sight is outside of the portals that it must pass: at most 0 if and only if
+    /// it passes inside all of them.
     fn outside(&self, eye: Point, to: Point) -> f64 {
         let along = to[0] - eye[0];
         let mut most = f64::NEG_INFINITY;

@@ -1,5 +1,5 @@
-//! Climbs towards boxes that a culler hides from a viewcell and a line of sight reaches, with viewcells, meshes
-//! and lines of sight in exact arithmetic, at any power of two as the unit of coordinates.
+//! Climbs towards boxes that a culler hides from a viewcell and a line of sight reaches, with viewcells,
+//! meshes and lines of sight in exact arithmetic, at any power of two as the unit of coordinates.
 
 use visibility_core::{RegionCuller, VisibleSet};
 #[cfg(feature = "papers")]

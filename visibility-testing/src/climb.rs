@@ -1,5 +1,6 @@
-//! A search for wrong answers that climbs towards them: an input that a culler hides is changed, one number at
-//! a time, so that less and less hides it, and bisected onto the border at which the culler begins to show it.
+//! A search for wrong answers that climbs towards them: an input that a culler hides is changed, one number
+//! at a time, so that less and less hides it, and bisected onto the border at which the culler begins to show
+//! it.
 //!
 //! Random inputs come within a millionth of a border once in a million trials. A climb ends beside the border
 //! each time: at two inputs that differ in one number by one unit, of which the culler hides one.
@@ -11,8 +12,8 @@ pub trait ClimbInput: Clone {
     /// Returns the numbers that a climb changes.
     fn numbers(&mut self) -> &mut [i64];
 
-    /// Returns by how much the input is hidden, as the oracle says: any measure that falls towards the border.
-    /// At most 0 if and only if the input is certainly seen. `None` if the input is no valid one.
+    /// Returns by how much the input is hidden, as the oracle says: any measure that falls towards the
+    /// border. At most 0 if and only if the input is certainly seen. `None` if the input is no valid one.
     fn clearance(&self) -> Option<f64>;
 }
 
@@ -27,10 +28,10 @@ pub struct Climb<I> {
     pub judged: u64,
 }
 
-/// Changes `input` in up to `steps` steps, each of which lowers its clearance and keeps it hidden. A step moves
-/// one number by up to 2^22 units. If the moved input is shown, the step is bisected until the inputs on both
-/// sides of the border differ by one unit. Ends early at a hidden input that is seen. `None` if `input` is not
-/// hidden, or not valid.
+/// Changes `input` in up to `steps` steps, each of which lowers its clearance and keeps it hidden. A step
+/// moves one number by up to 2^22 units. If the moved input is shown, the step is bisected until the inputs
+/// on both sides of the border differ by one unit. Ends early at a hidden input that is seen. `None` if
+/// `input` is not hidden, or not valid.
 pub fn climb<I: ClimbInput>(
     mut input: I,
     random: &mut Random,
@@ -78,23 +79,6 @@ pub fn climb<I: ClimbInput>(
     Some(best)
 }
 
-/// Returns a part of a list that still fails, from which no half, quarter or single element can be left out.
-/// `fails` must hold for the whole list.
-pub fn shrunk<T: Clone>(list: &[T], mut fails: impl FnMut(&[T]) -> bool) -> Vec<T> {
-    let mut list = list.to_vec();
-    let mut size = list.len().div_ceil(2);
-    while size > 0 {
-        let mut at = 0;
-        while at < list.len() {
-            let mut rest = list.clone();
-            rest.drain(at..(at + size).min(list.len()));
-            if fails(&rest) { list = rest } else { at += size }
-        }
-        size /= 2;
-    }
-    list
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -120,12 +104,5 @@ mod tests {
         assert_eq!(climb(300).map(|end| end.least), Some(701.0), "a margin of 700 keeps its distance");
         assert_eq!(climb(1001).map(|end| end.least), Some(0.0), "1000 is hidden, and seen");
         assert!(climb(-80_000).is_none(), "an input that is shown is no start");
-    }
-
-    #[test]
-    fn a_list_shrinks_to_what_fails() {
-        let list: Vec<u32> = (0..100).collect();
-        let fails = |list: &[u32]| list.contains(&17) && list.contains(&71);
-        assert_eq!(shrunk(&list, fails), [17, 71], "the two that fail together");
     }
 }

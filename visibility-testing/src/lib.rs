@@ -24,7 +24,7 @@ mod slots;
 pub mod swapped;
 mod trials;
 
-pub use climb::{Climb, ClimbInput, climb, shrunk};
+pub use climb::{Climb, ClimbInput, climb};
 pub use distance::distance;
 pub use ends::{End, UNIT, ends, ends_f32};
 pub use exact::{orientation_sign, sign_of_sum};

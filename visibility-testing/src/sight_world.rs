@@ -1,8 +1,8 @@
 //! Occluders, an eye and a target in integers, with the exact answer whether a line of sight is free; for
 //! climbs (`climb.rs`) towards what a culler hides wrongly.
 //!
-//! All coordinates are integers of at most 24 bits: exact in `f32` at any power of two as their unit. A line of
-//! sight is judged by signs of determinants of their differences, which are exact in `i128`.
+//! All coordinates are integers of at most 24 bits: exact in `f32` at any power of two as their unit. A line
+//! of sight is judged by signs of determinants of their differences, which are exact in `i128`.
 
 use crate::climb::ClimbInput;
 use crate::slots::{Point, orientation};
@@ -189,12 +189,6 @@ impl SightWorld {
             origin,
             in_depth,
         }
-    }
-
-    /// Makes the world one of another unit in metres, a power of two, with the scene's origin in that of the
-    /// world.
-    pub fn with_unit(self, unit: i32) -> Self {
-        Self { unit, origin: [0; 3], ..self }
     }
 
     /// Keeps the corners of the triangles in climbs: only eyes and target move.

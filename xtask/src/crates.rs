@@ -31,8 +31,8 @@ pub(crate) fn published_crates(root: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(folders)
 }
 
-/// Returns the options of cargo that turn the feature `papers` on in those of some packages that have it. With
-/// the whole workspace it is on, with single packages it is not.
+/// Returns the options of cargo that turn the feature `papers` on in those of some packages that have it.
+/// With the whole workspace it is on, with single packages it is not.
 pub(crate) fn papers(root: &Path, packages: &[String]) -> Vec<String> {
     let has_papers = |package: &&String| {
         let manifest = std::fs::read_to_string(root.join(package).join("Cargo.toml")).unwrap_or_default();

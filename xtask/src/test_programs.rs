@@ -14,9 +14,8 @@ pub(crate) struct TestProgram {
     pub(crate) folder: PathBuf,
 }
 
-/// Compiles the integration tests of packages with optimization, checks for overflow and debug assertions, and
-/// with the systems of papers.
-/// The folder `target` holds what cargo has compiled.
+/// Compiles the integration tests of packages with optimization, checks for overflow and debug assertions,
+/// and with the systems of papers. The folder `target` holds what cargo has compiled.
 ///
 /// # Errors
 ///
