@@ -121,8 +121,8 @@ impl SightWorld {
             let mut half = [0; 3].map(|_| some(random, wide));
             let kind = random.below(4);
             for (axis, half) in half.iter_mut().enumerate().filter(|_| kind > 1) {
-                for k in 0..3 {
-                    half[k] *= i64::from(k == axis || (kind == 2 && k < 2 && axis < 2));
+                for (k, x) in half.iter_mut().enumerate() {
+                    *x *= i64::from(k == axis || (kind == 2 && k < 2 && axis < 2));
                 }
             }
             let sign = if dot(cross(half[0], half[1]).map(|x| x >> 20), half[2]) < 0 { 1 } else { 0 };
@@ -192,6 +192,7 @@ impl SightWorld {
     }
 
     /// Keeps the corners of the triangles in climbs: only eyes and target move.
+    #[must_use]
     pub fn with_fixed_triangles(self) -> Self {
         Self { fixed: self.numbers.len() - 6, ..self }
     }
