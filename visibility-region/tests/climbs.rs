@@ -2,8 +2,6 @@
 //! meshes and lines of sight in exact arithmetic, at any power of two as the unit of coordinates.
 
 use visibility_core::{RegionCuller, VisibleSet};
-#[cfg(feature = "papers")]
-use visibility_region::VolumetricCuller;
 use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller};
 use visibility_testing::{Random, SightWorld, climb, judged};
 
@@ -36,10 +34,4 @@ fn no_climb_ends_at_a_box_that_the_sweep_hides_and_a_line_reaches() {
 #[test]
 fn no_climb_ends_at_a_box_that_solids_hide_and_a_line_reaches() {
     run(2, 200, &mut ConvexBlockersCuller::new());
-}
-
-#[cfg(feature = "papers")]
-#[test]
-fn no_climb_ends_at_a_box_that_volumes_hide_and_a_line_reaches() {
-    run(3, 40, &mut VolumetricCuller::new());
 }
