@@ -23,7 +23,7 @@ fn run(seed: u64, count: usize, culler: &mut dyn RegionCuller) {
         all += end.judged;
     }
     judged(all);
-    assert!(started > 0 && all > 3 * started as u64, "{started} worlds of {count}, {all} inputs");
+    assert!(started > 0, "none of {count} worlds has a hidden target");
 }
 
 #[test]
