@@ -1,6 +1,7 @@
 //! All test files here form one program, which compiles and runs faster than many.
 #![allow(missing_docs)]
 
+mod climbs;
 mod common;
 mod discs;
 mod exact_plan;

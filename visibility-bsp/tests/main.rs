@@ -3,6 +3,8 @@
 #![allow(missing_docs)]
 
 #[cfg(feature = "papers")]
+mod climbs;
+#[cfg(feature = "papers")]
 mod coherence;
 mod common;
 #[cfg(feature = "papers")]

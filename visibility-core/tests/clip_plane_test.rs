@@ -4,7 +4,7 @@
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{Affine3A, DVec3, Mat3A, Vec3, Vec3A};
 use visibility_core::{Aabb, OccluderMesh, Pose, View};
-use visibility_testing::{Random, sign_of_sum};
+use visibility_testing::{Random, judged, sign_of_sum};
 
 /// Returns the exact sign of the plane's value at the mesh corner `corner` after `transform`: positive
 /// inside, 0 on the plane. Products of two `f32` numbers are exact in `f64`.
@@ -60,6 +60,7 @@ fn an_occluder_that_a_plane_may_cut_is_never_inside() {
             }
         }
     }
+    judged((near + decided) as u64);
     assert!(near > 50_000 && decided > 30_000, "{near} {decided}");
 }
 
@@ -87,6 +88,7 @@ fn a_huge_occluder_that_a_nearly_parallel_plane_cuts_is_never_inside() {
         cut += i32::from(!truly);
         decided += i32::from(inside);
     }
+    judged((cut + decided) as u64);
     assert!(cut > 5_000 && decided > 5_000, "{cut} are cut, {decided} are inside");
 }
 
@@ -106,6 +108,7 @@ fn a_point_on_a_plane_is_never_inside() {
             assert!(inside || ulps < 500.0, "must decide: {plane:?} {p}");
         }
     }
+    judged(600_000);
 }
 
 #[test]

@@ -5,11 +5,11 @@ use proptest::prelude::{ProptestConfig, any};
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 use visibility_core::glam::{DMat4, DQuat, DVec3};
 use visibility_core::{Aabb, FrustumCuller, ObjectId, Pipeline, Scene, View, VisibleSet};
-use visibility_testing::Random;
 use visibility_testing::cameras::{
     Camera, DEPTHS, aimed_point, box_behind, clip_planes, power_of_two, projection, random_camera,
     random_projection,
 };
+use visibility_testing::{Random, judged};
 
 fn cull(scene: &Scene, view: &View) -> VisibleSet {
     let mut visible = VisibleSet::new();
@@ -102,6 +102,7 @@ fn check_cameras(
     });
     outcome.unwrap();
     let (touching, hidden) = sums.get();
+    judged((touching + hidden) as u64);
     assert!(touching > 10 * cases as usize && hidden > cases as usize / 4, "too easy: {touching} {hidden}");
 }
 
@@ -180,6 +181,7 @@ fn what_touches_the_view_is_visible_where_origins_cancel() {
         let boxes = boxes_near_planes(&mut rng, &camera, &base, exponents);
         touching += check_boxes(&mut rng, &camera, &boxes, &[]).0;
     }
+    judged(touching as u64);
     assert!(touching > 1000, "too easy: {touching}");
 }
 
@@ -212,6 +214,7 @@ fn clip_matrices_of_any_magnitude_show_the_same() {
             }
         }
     }
+    judged(touching as u64);
     assert!(touching > 10_000, "too easy: {touching}");
 }
 
@@ -335,5 +338,6 @@ fn boxes_clear_of_a_plane_by_sixteen_error_bounds_are_hidden() {
             );
         }
     }
+    judged(total);
     assert!(total > 20_000 && close > 5_000, "too easy: {total} {close}");
 }

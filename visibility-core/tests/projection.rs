@@ -6,8 +6,8 @@ use visibility_core::{
     View,
     view::{Depth, Eye},
 };
-use visibility_testing::Random;
 use visibility_testing::cameras::DEPTHS;
+use visibility_testing::{Random, judged};
 
 /// A number as an unevaluated sum of two floats, precise to about 100 bits (Dekker, "A Floating-Point
 /// Technique for Extending the Available Precision", 1971).
@@ -132,6 +132,7 @@ fn rows_are_within_their_error_of_the_exact_value() {
             closest = closest.max(off / error);
         }
     }
+    judged(20_000);
     assert!(closest > 0.1, "bounds are several times too wide: {closest} of one is needed");
 }
 
@@ -168,6 +169,7 @@ fn the_eye_is_within_its_error_of_the_exact_one() {
         assert!(error < 1.0, "{eye}: {error}");
         (found, off) = (found + 1, off + u32::from(distance > 0.0));
     }
+    judged(found);
     assert!(found > 3000 && off > 500, "{off} of {found}");
 }
 
@@ -225,5 +227,6 @@ fn orientation_is_that_of_a_triangle_that_turns_its_back() {
             *if determinant > 0.0 { &mut plain } else { &mut mirrored } += 1;
         }
     }
+    judged(plain + mirrored);
     assert!(plain > 300 && mirrored > 300, "{plain} plain, {mirrored} mirrored");
 }

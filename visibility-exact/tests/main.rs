@@ -3,6 +3,7 @@
 #![allow(missing_docs)]
 
 mod absent_occluders;
+mod climbs;
 mod common;
 mod coplanar;
 mod dynamic;

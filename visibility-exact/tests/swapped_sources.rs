@@ -4,8 +4,8 @@
 use std::sync::Arc;
 use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles};
-use visibility_testing::Random;
 use visibility_testing::swapped::{AroundEye, Swapped, hold_against_fresh};
+use visibility_testing::{Random, judged};
 
 /// The exact culler, and whether it is the reference, which always gets triangles collected from the present
 /// scene.
@@ -63,5 +63,6 @@ impl Swapped for Kind {
 #[test]
 fn triangles_of_a_scene() {
     let hidden = hold_against_fresh(&Kind, 0, 60);
+    judged(hidden as u64);
     assert!(hidden > 60, "{hidden} objects hidden are no test");
 }

@@ -4,6 +4,7 @@
 mod backface;
 mod backface_culler;
 mod casters;
+mod climbs;
 mod clusters;
 mod contribution;
 mod draw_list;

@@ -1,6 +1,7 @@
 //! One program for the tests of all files here: it compiles and runs in less time than many.
 #![allow(missing_docs)]
 
+mod climbs;
 mod clipping;
 mod common;
 mod enclosures;

@@ -2,6 +2,7 @@
 //! file.
 #![allow(missing_docs)]
 
+mod climbs;
 mod from_geometry;
 mod geometry_sight;
 mod hostile_maps;

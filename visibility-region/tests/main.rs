@@ -6,6 +6,7 @@
 mod blockers;
 #[cfg(feature = "papers")]
 mod candidates;
+mod climbs;
 mod common;
 mod ground;
 #[cfg(feature = "papers")]

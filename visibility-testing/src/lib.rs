@@ -6,6 +6,7 @@
 
 pub mod allocations;
 pub mod cameras;
+mod climb;
 mod distance;
 pub mod enclosures;
 mod ends;
@@ -17,11 +18,13 @@ mod not_always_drawn;
 mod octree;
 mod plain_map;
 mod random;
+mod sight_world;
 mod slabs;
 mod slots;
 pub mod swapped;
 mod trials;
 
+pub use climb::{Climb, ClimbInput, climb};
 pub use distance::distance;
 pub use ends::{End, UNIT, ends, ends_f32};
 pub use exact::{orientation_sign, sign_of_sum};
@@ -31,6 +34,7 @@ pub use not_always_drawn::NOT_ALWAYS_DRAWN;
 pub use octree::Octree;
 pub use plain_map::PlainMap;
 pub use random::Random;
+pub use sight_world::SightWorld;
 pub use slabs::is_clear;
 pub use slots::{SlotScene, SlotSearch};
 pub use trials::judged;

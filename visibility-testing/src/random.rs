@@ -40,6 +40,13 @@ impl Random {
         a.min(b).wrapping_add_unsigned((self.bits() % count) as u32)
     }
 
+    /// Returns an integer from 1 to 2^`bits`, each binary order of magnitude as likely as another. Panics if
+    /// `bits` is 0.
+    pub fn magnitude(&mut self, bits: usize) -> i64 {
+        let most = 1 << self.below(bits);
+        most + self.below(most as usize + 1) as i64
+    }
+
     /// Returns true with probability 1 in `n`. Panics if `n` is 0.
     pub fn one_in(&mut self, n: usize) -> bool {
         self.below(n) == 0

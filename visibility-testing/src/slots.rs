@@ -15,7 +15,7 @@ const PER_METRE: f64 = 32_768.0;
 /// Greatest magnitude of a coordinate, which fits in the 24 bits of an `f32`.
 const FARTHEST: i64 = 1 << 24;
 
-type Point = [i64; 3];
+pub(crate) type Point = [i64; 3];
 
 /// Scene of screens with slots between a viewcell and a target.
 pub struct SlotScene {
@@ -47,7 +47,7 @@ pub struct SlotSearch {
 }
 
 /// Returns the exact sign of the volume of a tetrahedron.
-fn orientation(a: Point, b: Point, c: Point, d: Point) -> i128 {
+pub(crate) fn orientation(a: Point, b: Point, c: Point, d: Point) -> i128 {
     let [u, v, w] = [b, c, d].map(|p| [0, 1, 2].map(|i| i128::from(p[i] - a[i])));
     let cross = [v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]];
     (u[0] * cross[0] + u[1] * cross[1] + u[2] * cross[2]).signum()

@@ -31,6 +31,16 @@ pub(crate) fn published_crates(root: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(folders)
 }
 
+/// Returns the options of cargo that turn the feature `papers` on in those of some packages that have it.
+/// With the whole workspace it is on, with single packages it is not.
+pub(crate) fn papers(root: &Path, packages: &[String]) -> Vec<String> {
+    let has_papers = |package: &&String| {
+        let manifest = std::fs::read_to_string(root.join(package).join("Cargo.toml")).unwrap_or_default();
+        manifest.lines().any(|line| line.starts_with("papers = "))
+    };
+    packages.iter().filter(has_papers).map(|package| format!("--features={package}/papers")).collect()
+}
+
 /// Returns the last part of a crate's folder, which is also the name of its package.
 pub(crate) fn package_name(folder: &Path) -> String {
     folder.file_name().unwrap_or_default().to_string_lossy().into_owned()

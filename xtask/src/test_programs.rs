@@ -1,5 +1,6 @@
 //! Programs of tests, and the tests in them.
 
+use crate::crates::papers;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -13,8 +14,8 @@ pub(crate) struct TestProgram {
     pub(crate) folder: PathBuf,
 }
 
-/// Compiles the integration tests of packages with optimization, checks for overflow and debug assertions.
-/// The folder `target` holds what cargo has compiled.
+/// Compiles the integration tests of packages with optimization, checks for overflow and debug assertions,
+/// and with the systems of papers. The folder `target` holds what cargo has compiled.
 ///
 /// # Errors
 ///
@@ -27,6 +28,7 @@ pub(crate) fn test_programs(
     let output = Command::new("cargo")
         .args(["test", "--release", "--no-run", "--tests", "--locked", "--message-format=json"])
         .args(packages.iter().map(|package| format!("-p={package}")))
+        .args(papers(root, packages))
         .current_dir(root)
         .env("CARGO_TARGET_DIR", target)
         .env("CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS", "true")

@@ -4,6 +4,7 @@ mod cost;
 mod drawn_depth;
 mod late_queries;
 mod query_groups;
+mod unreliable_card;
 
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{Affine3A, DVec3, Quat, Vec3};

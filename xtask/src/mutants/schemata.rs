@@ -4,6 +4,7 @@
 //! Based on: R. H. Untch, A. J. Offutt, M. J. Harrold, "Mutation analysis using mutant schemata", 1993.
 
 use super::sites::{Site, source_files};
+use crate::crates::papers;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
@@ -157,6 +158,8 @@ pub(crate) struct Tree {
     copy: PathBuf,
     /// Folder of the mutated crate, relative to the root.
     package: String,
+    /// Options of cargo for features.
+    features: Vec<String>,
 }
 
 /// Program of tests.
@@ -171,7 +174,13 @@ impl Tree {
             let Ok(bytes) = std::fs::read(root.join(name)) else { continue };
             store(&copy.join(name), &bytes)?;
         }
-        Ok(Self { root: root.to_owned(), copy, package: package.to_owned() })
+        let package = package.to_owned();
+        Ok(Self { root: root.to_owned(), copy, package, features: Vec::new() })
+    }
+
+    /// Compiles the crate with the systems of papers, if it has any.
+    pub(crate) fn with_papers(self) -> Self {
+        Self { features: papers(&self.root, std::slice::from_ref(&self.package)), ..self }
     }
 
     /// Compiles the tests of the crate with a batch of mutants. Mutants that do not compile leave the batch.
@@ -224,6 +233,7 @@ impl Tree {
         let output = Command::new("cargo")
             .args(["test", "--no-run", "--lib", "--tests", "--locked", "--message-format=json", "-p"])
             .arg(&self.package)
+            .args(&self.features)
             .current_dir(&self.copy)
             .env("CARGO_TARGET_DIR", self.copy.with_file_name("target"))
             .env("RUSTFLAGS", "--cap-lints=warn")

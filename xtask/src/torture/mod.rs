@@ -4,11 +4,11 @@
 //! A test is a trial if it calls `visibility_testing::judged`. Its programs are compiled with optimization,
 //! and with the checks for overflow and the assertions of debug builds.
 
+mod oracles;
 mod planted;
 mod state;
 mod trial;
 
-use crate::crates::{crates, rust_files};
 use crate::test_programs::{test_names, test_programs};
 use state::{Record, State};
 use std::collections::BTreeSet;
@@ -110,31 +110,22 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(|error| error.into_inner())
 }
 
-/// Compiles the programs of all crates with trials. Returns the tests of the files that name `judged`, as far
-/// as `only` is part of their names.
+/// Compiles the programs of all crates with trials. Returns the tests that judge answers, as far as `only` is
+/// part of their names.
 fn trials(root: &Path, only: &str) -> Result<Vec<Trial>, String> {
-    let mut packages = Vec::new();
-    let mut modules = BTreeSet::new();
-    for folder in crates(root)? {
-        let tests = folder.join("tests");
-        let package = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        for file in rust_files(vec![tests.clone()]).unwrap_or_default() {
-            let text =
-                std::fs::read_to_string(&file).map_err(|error| format!("{}: {error}", file.display()))?;
-            let first = file.strip_prefix(&tests).ok().and_then(|path| path.iter().next());
-            let (true, Some(first)) = (text.contains("judged("), first) else { continue };
-            modules.insert((package.clone(), first.to_string_lossy().trim_end_matches(".rs").to_owned()));
-            packages.push(package.clone());
-        }
-    }
+    let oracles: Vec<String> =
+        oracles::oracles(root)?.into_iter().filter(|name| name.contains(only)).collect();
+    let package = |name: &String| name.split(' ').next().unwrap_or_default().to_owned();
+    let mut packages: Vec<String> = oracles.iter().map(package).collect();
     packages.dedup();
-    let programs = test_programs(root, &packages, &root.join("target/torture"))?;
+    if packages.is_empty() {
+        return Ok(Vec::new());
+    }
     let mut trials = Vec::new();
-    for program in programs {
+    for program in test_programs(root, &packages, &root.join("target/torture"))? {
         for test in test_names(&program.path)? {
-            let module = test.split("::").next().unwrap_or_default().to_owned();
             let trial = Trial { program: program.clone(), test };
-            if modules.contains(&(program.package.clone(), module)) && trial.name().contains(only) {
+            if oracles.contains(&trial.name()) {
                 trials.push(trial);
             }
         }

@@ -1,5 +1,6 @@
 //! Faults that are planted on purpose, and the number of trials until a test notices each.
 
+use super::oracles::oracles;
 use super::trial::{Trial, run};
 use crate::mutants::schemata::{Mutant, Tree};
 use crate::test_programs::TestProgram;
@@ -30,16 +31,25 @@ pub(super) fn check(root: &Path, only: &str) -> Result<usize, String> {
             .ok_or_else(|| format!("{FAULTS}: {file}: {function} has no `{old}`"))?;
         by_package.entry(package.to_owned()).or_default().push((test.to_owned(), mutant));
     }
-    println!("| fault | test | noticed within |\n|---|---|---:|");
     let mut missed = 0;
+    for name in oracles(root)?.iter().filter(|name| name.contains(only)) {
+        let has_fault =
+            |line: &str| line.strip_prefix(name.as_str()).is_some_and(|rest| rest.starts_with(" | "));
+        if !text.lines().any(has_fault) {
+            println!("no fault: {name}");
+        }
+    }
+    println!("| fault | test | noticed within |\n|---|---|---:|");
     for (package, faults) in by_package {
         let folder = root.join("target/mutants/tree");
-        let tree = Tree::new(root, folder.clone(), &package)?;
+        let tree = Tree::new(root, folder.clone(), &package)?.with_papers();
         let mutants: Vec<Mutant> = faults.iter().map(|(_, mutant)| mutant.clone()).collect();
         let mut batch: Vec<usize> = (0..mutants.len()).collect();
         let programs = tree.build(&mutants, &mut batch)?;
         if batch.len() < mutants.len() {
-            return Err(format!("{package}: {} faults do not compile", mutants.len() - batch.len()));
+            let wrong = (0..mutants.len()).filter(|index| !batch.contains(index));
+            let wrong: Vec<&str> = wrong.map(|index| mutants[index].new.as_str()).collect();
+            return Err(format!("{package}: do not compile: {wrong:?}"));
         }
         let path = programs.iter().find(|path| path.to_string_lossy().contains("/main-"));
         let path = path.ok_or_else(|| format!("{package} has no integration tests"))?.clone();
@@ -48,6 +58,9 @@ pub(super) fn check(root: &Path, only: &str) -> Result<usize, String> {
             let trial = Trial { program: program.clone(), test };
             let of_seed =
                 run(&trial, 0, &[]).ok_or_else(|| format!("{} fails without a fault", trial.name()))?;
+            if of_seed == 0 {
+                return Err(format!("{FAULTS}: {} judges nothing", trial.name()));
+            }
             let fault = [("MUTANT", number.to_string())];
             let seeds = (0..SEEDS).position(|seed| run(&trial, seed, &fault).is_none());
             let within = seeds.map_or("not noticed".to_owned(), |n| ((n as u64 + 1) * of_seed).to_string());
