@@ -250,4 +250,25 @@ mod tests {
         }
         assert!(counts.iter().all(|&count| count > 1000), "{counts:?}");
     }
+
+    /// The direction is undecided where the exact eye may be on either side of the exact polygon, whose errors
+    /// are large here. Half of an error would not do.
+    #[test]
+    fn eyes_within_the_error_of_a_polygon_are_on_neither_side() {
+        let wide = view([DVec3::X, DVec3::Y, DVec3::Z], [0.0; 3]).unwrap();
+        let eye_view = PortalView::new(&wide).unwrap();
+        let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let at = |height: f64, flaw: f64, error: f64| {
+            let vertices = triangle.map(|p| p + DVec3::new(0.0, 0.0, height));
+            eye_view.crossing(vertices.into_iter(), DVec3::Z, 0.5, flaw, error)
+        };
+        for (height, error, expected) in [
+            (0.09, 0.1, Crossing::Undecided),
+            (-0.09, 0.1, Crossing::Undecided),
+            (0.11, 0.1, Crossing::Along),
+            (-0.11, 0.1, Crossing::Against),
+        ] {
+            assert_eq!(at(height, 0.0, error), expected, "{height} above the eye, off by {error}");
+        }
+    }
 }

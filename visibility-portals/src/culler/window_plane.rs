@@ -109,8 +109,9 @@ impl WindowPlane {
         let n = self.plane.normal;
         let far = DVec3::select(n.cmpge(DVec3::ZERO), max, min);
         let reach = min.abs().max(max.abs());
-        // The sum of the absolute coordinates is at least the length.
-        self.plane.signed_distance(far) < -(self.margin(reach.x + reach.y + reach.z) + error)
+        // The sum of the absolute coordinates is at least the length. The exact point may be farther off by
+        // its error.
+        self.plane.signed_distance(far) < -(self.margin(reach.x + reach.y + reach.z + error) + error)
     }
 }
 
@@ -152,8 +153,9 @@ pub(super) fn clip_corners(
     // Let an exact point `x` of the polygon be inside the exact half-space, so that `n . x + o >= -margin`
     // with the stored normal `n`, the stored offset `o` and the plane's margin. The polygon that `corners`
     // span has a point `y` within `error` of `x`, for which `n . y + o >= -(margin + error)`: clipping to the
-    // plane moved outwards by that sum keeps `y`. Computing the distance of a corner rounds by `8u` (`u` =
-    // 2^-53) of its distance from the anchor, its reach. This is added once for the corner that is dropped,
+    // plane moved outwards by that sum keeps `y`. The margin is that of `x`, which may be farther from the
+    // anchor than `y` by `error`. Computing the distance of a corner rounds by `8u` (`u` = 2^-53) of its
+    // distance from the anchor, its reach. This is added once for the corner that is dropped,
     // and once more for the position of the crossing. The crossing is off the edge by rounding only, `4u` of
     // the reach, which is added to `error`.
     out.clear();
@@ -161,7 +163,7 @@ pub(super) fn clip_corners(
         let at = corner.at.abs();
         reach.max(at.x + at.y + at.z)
     });
-    let moved = side.margin(reach) + *error + 16.0 * U * (reach + side.plane.offset.abs());
+    let moved = side.margin(reach + *error) + *error + 16.0 * U * (reach + side.plane.offset.abs());
     let height = |corner: &Corner| side.plane.signed_distance(corner.at) + moved;
     let mut a = match corners.first() {
         Some(first) => (*first, height(first)),
@@ -189,4 +191,89 @@ pub(super) fn clip_corners(
         *error += 8.0 * U * reach;
     }
     !out.is_empty()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec::Vec;
+    use visibility_testing::Random;
+
+    /// Returns one of the two unit vectors along `axis`, or a vector of random direction and of a length up to 1.
+    fn off(random: &mut Random, axis: DVec3) -> DVec3 {
+        match random.below(3) {
+            0 => axis,
+            1 => -axis,
+            _ => random.vector(1.0).clamp_length_max(1.0),
+        }
+    }
+
+    /// Returns whether a point on the inner side of an exact plane may be on the inner side of a computed one.
+    fn holds(side: &WindowPlane, point: DVec3) -> bool {
+        side.plane.signed_distance(point) >= -side.margin(point.length()) * (1.0 + 1e-9)
+    }
+
+    /// Windows of exact edges and eyes hold the points that are seen through them, wherever these are within the errors,
+    /// which are large here. Half of an error would not do.
+    #[test]
+    fn planes_of_edges_hold_what_is_seen_past_the_exact_edges() {
+        let mut random = Random(1);
+        let mut counts = [0; 2];
+        for trial in 0..40_000 {
+            let [a, b] = [0; 2].map(|_| random.vector(1.0));
+            let error = random.range(0.0, 0.1) * random.unit();
+            let unit = a.cross(b).normalize();
+            let [p, q, eye] = [0; 3].map(|_| off(&mut random, unit) * error);
+            // A point in the plane of the exact eye and the exact edge, near the eye or far from it.
+            let (exact_a, exact_b) = (a + p, b + q);
+            let size = 10f64.powf(random.range(-3.0, 3.0));
+            let [along_a, along_b] = [0; 2].map(|_| random.range(-size, size));
+            if let Some(side) = WindowPlane::through_edge(a, b, 1.0, error) {
+                let point = exact_a * along_a + exact_b * along_b + eye;
+                assert!(holds(&side, point), "trial {trial}: {point} past {a}, {b}, off by {error}");
+                counts[0] += 1;
+            }
+            let direction = random.vector(1.0).normalize();
+            let unit = direction.cross(b - a).normalize();
+            let turn = random.range(0.0, 0.1) * random.unit();
+            let exact = direction + off(&mut random, unit) * turn;
+            let [p, q] = [0; 2].map(|_| off(&mut random, unit) * error);
+            if let Some(side) = WindowPlane::along(direction, turn, a, b, 1.0, error) {
+                let point = a + p + (b + q - a - p) * along_a + exact * along_b;
+                assert!(holds(&side, point), "trial {trial}: {point} along {direction} past {a}, {b}");
+                counts[1] += 1;
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 10_000), "planes: {counts:?}");
+    }
+
+    /// A polygon and a box are not outside of a plane on whose inner side they have an exact point, off by the
+    /// error.
+    #[test]
+    fn polygons_and_boxes_with_exact_points_inside_are_not_outside() {
+        let mut random = Random(2);
+        let (mut out, mut met) = (Vec::new(), 0);
+        for trial in 0..200_000 {
+            let (slope, slack) = (random.range(0.0, USELESS) * random.unit(), 0.1 * random.unit());
+            let normal = random.vector(1.0).normalize();
+            let plane = Plane::new(normal, random.range(-1.0, 1.0));
+            let side = WindowPlane { plane, slope, slack };
+            // The anchor's axes are where the sum of coordinates is the distance.
+            let axis = DVec3::AXES[random.below(3)];
+            let at = (axis - normal * (normal.dot(axis))) * random.range(-3.0, 3.0)
+                + normal * random.range(-2.0, 2.0);
+            let mut error = random.unit();
+            let aside = normal + at.normalize() * random.range(0.0, 0.5);
+            let exact = at + off(&mut random, aside.normalize()) * error;
+            if side.plane.signed_distance(exact) < -side.margin(exact.length()) {
+                continue;
+            }
+            assert!(!side.excludes(at, at, error), "trial {trial}: a box at {at}, off by {error}, {side:?}");
+            let corner = Corner { at, edge: EdgeSource::End };
+            let is_left = clip_corners(&[corner; 3], &side, EdgeSource::End, &mut error, &mut out);
+            assert!(is_left, "trial {trial}: a polygon at {at}, off by {error}, {side:?}");
+            met += 1;
+        }
+        assert!(met > 10_000, "{met} points are inside");
+    }
 }
