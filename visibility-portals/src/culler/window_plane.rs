@@ -208,45 +208,6 @@ mod tests {
         }
     }
 
-    /// Returns whether a point on the inner side of an exact plane may be on the inner side of a computed one.
-    fn holds(side: &WindowPlane, point: DVec3) -> bool {
-        side.plane.signed_distance(point) >= -side.margin(point.length()) * (1.0 + 1e-9)
-    }
-
-    /// Windows of exact edges and eyes hold the points that are seen through them, wherever these are within the errors,
-    /// which are large here. Half of an error would not do.
-    #[test]
-    fn planes_of_edges_hold_what_is_seen_past_the_exact_edges() {
-        let mut random = Random(1);
-        let mut counts = [0; 2];
-        for trial in 0..40_000 {
-            let [a, b] = [0; 2].map(|_| random.vector(1.0));
-            let error = random.range(0.0, 0.1) * random.unit();
-            let unit = a.cross(b).normalize();
-            let [p, q, eye] = [0; 3].map(|_| off(&mut random, unit) * error);
-            // A point in the plane of the exact eye and the exact edge, near the eye or far from it.
-            let (exact_a, exact_b) = (a + p, b + q);
-            let size = 10f64.powf(random.range(-3.0, 3.0));
-            let [along_a, along_b] = [0; 2].map(|_| random.range(-size, size));
-            if let Some(side) = WindowPlane::through_edge(a, b, 1.0, error) {
-                let point = exact_a * along_a + exact_b * along_b + eye;
-                assert!(holds(&side, point), "trial {trial}: {point} past {a}, {b}, off by {error}");
-                counts[0] += 1;
-            }
-            let direction = random.vector(1.0).normalize();
-            let unit = direction.cross(b - a).normalize();
-            let turn = random.range(0.0, 0.1) * random.unit();
-            let exact = direction + off(&mut random, unit) * turn;
-            let [p, q] = [0; 2].map(|_| off(&mut random, unit) * error);
-            if let Some(side) = WindowPlane::along(direction, turn, a, b, 1.0, error) {
-                let point = a + p + (b + q - a - p) * along_a + exact * along_b;
-                assert!(holds(&side, point), "trial {trial}: {point} along {direction} past {a}, {b}");
-                counts[1] += 1;
-            }
-        }
-        assert!(counts.iter().all(|&count| count > 10_000), "planes: {counts:?}");
-    }
-
     /// A polygon and a box are not outside of a plane on whose inner side they have an exact point, off by the
     /// error.
     #[test]
