@@ -131,8 +131,8 @@ impl FacePlaneSetup {
             }
         }
         // The comparison is false for NaN, which leaves `scale` at 0.
-        let errors = faces.error.iter().chain(&faces.denominator_error).sum::<f64>();
-        if determinant.abs() + errors < f64::INFINITY {
+        let sum = determinant.abs() + faces.error.iter().chain(&faces.denominator_error).sum::<f64>();
+        if sum < f64::INFINITY {
             faces.scale = determinant.abs();
         }
         faces
@@ -344,6 +344,23 @@ mod tests {
             }
         }
         assert!(counts[0] > 10_000 && counts[1] > 10_000, "{counts:?}");
+    }
+
+    #[test]
+    fn faces_bound_nothing_where_numbers_are_too_large_or_too_uncertain() {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.5, 0.01, f64::INFINITY).unwrap();
+        let mut projection = ScreenProjection::new(&view, DVec3::ZERO, [192, 128], [192, 128]);
+        projection.rows[0].error = f64::INFINITY;
+        assert_eq!(FacePlaneSetup::new(&projection).scale, 0.0, "an infinite error");
+        let bounds = |scale: f64, error: f64| {
+            let denominator_error = [error; LANES];
+            let setup = FacePlaneSetup { scale, denominator_error, ..FacePlaneSetup::default() };
+            setup.of_box([2.0, -1.0, -1.0, 3.0, 1.0, 1.0]).bounds_from_above()
+        };
+        assert!(bounds(1.0, 1.9), "the near face is two metres away, give or take 1.9");
+        assert!(!bounds(1.0, 2.0), "the near face may be where the eye is");
+        assert!(!bounds(f64::MAX, 0.0), "the near face is too far away");
     }
 
     #[test]

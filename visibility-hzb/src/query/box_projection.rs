@@ -18,7 +18,7 @@
 
 use crate::buffer::tile_layout::Rectangle;
 use crate::lanes::{WIDTH, greatest, least, round_to_i32};
-use crate::setup::screen_projection::{ScreenProjection, ScreenRow};
+use crate::setup::screen_projection::{ScreenProjection, ScreenRow, U};
 use crate::setup::screen_shape::ScreenExtent;
 
 /// Ten times the unit round-off of `f32`: error bound of the value of a [`ScreenRow32`] (a linear function of
@@ -89,7 +89,8 @@ impl ScreenProjection32 {
         let beyond = |size: f64, row: ScreenRow| ScreenRow {
             linear: core::array::from_fn(|i| size * w.linear[i] - row.linear[i]),
             constant: size * w.constant - row.constant,
-            error: size * w.error + row.error + f64::EPSILON * (size * w.constant.abs() + row.constant.abs()),
+            // The rounding of the difference is far below that of its conversion to `f32`.
+            error: size * w.error + row.error + U * size * w.constant.abs(),
         };
         Self {
             high,
@@ -537,6 +538,27 @@ mod tests {
         assert!(worst > 0.5, "the worst error is {worst} of its bound");
     }
 
+    /// The rows for the right and the lower side of the picture are differences of large constants.
+    #[test]
+    fn differences_of_rows_are_within_their_error() {
+        let mut random = random(14);
+        let view =
+            View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.7, 0.1, 900.0).unwrap();
+        let mut projection = ScreenProjection::new(&view, DVec3::ZERO, [640, 360], [640, 360]);
+        for trial in 0..2_000 {
+            let [width, _] = projection.picture;
+            projection.rows[2].constant = random(1.0, 2.0);
+            projection.rows[0].constant = width * projection.rows[2].constant * (1.0 + random(-1e-15, 1e-15));
+            let row = ScreenProjection32::new(&projection).right_bottom[0];
+            let exact = DoubleDouble::product(width, projection.rows[2].constant)
+                .plus((-projection.rows[0].constant).into());
+            let wrong = exact.plus((-f64::from(row.constant)).into()).hi.abs();
+            let bound =
+                f64::from(row.constant_error) - projection.rows[0].error - width * projection.rows[2].error;
+            assert!(wrong <= bound, "trial {trial}: off by {wrong}, not {bound}");
+        }
+    }
+
     /// Bounds hold whichever way each row of the projection is off by its error. These errors are made large
     /// here, so that half of one would not do.
     #[test]
@@ -569,7 +591,9 @@ mod tests {
                 let row = if i < 4 { &mut projection.rows[i] } else { &mut projection.near };
                 row.error += *off;
             }
-            let middle = eye + along * (2.0 + 2.5 * unit()) + DVec3::new(unit(), unit(), unit()) * 1.5;
+            // Half of the boxes are close to the plane of the eye.
+            let ahead = if unit() > 0.0 { 2.0 + 2.5 * unit() } else { 0.3 * unit() };
+            let middle = eye + along * ahead + DVec3::new(unit(), unit(), unit()) * 1.5;
             let half = DVec3::new(unit(), unit(), unit()).abs() * 0.3;
             let bounds = Aabb::new((middle - half).as_vec3(), (middle + half).as_vec3());
             let [low, high] = [bounds.min.to_array(), bounds.max.to_array()];
