@@ -554,7 +554,7 @@ mod tests {
         let (mut walk, mut bounded) = (PortalWalk::default(), 0);
         let window = Window { sides: 0..0, rectangle: [-1.0, 1.0, -1.0, 1.0], full_view: false };
         for trial in 0..40_000 {
-            let mut large = || if random.one_in(2) { 0.1 * random.unit() } else { 0.0 };
+            let mut large = || [0.0, 0.1, 0.1 * random.unit()][random.below(3)];
             let (flaw, error, ball) = (large(), large(), large());
             (eye_view.error, eye_view.ball) = (error, ball);
             let outline = Outline { normal: DVec3::Z, error: flaw, flaw, width: 1.0 };
@@ -566,7 +566,7 @@ mod tests {
             let seen = walk.edge_on(&eye_view, &outline, &vertices, &window, flaw + error);
             // Lines rise most from an eye that is low and near to a vertex that is high and near.
             let mut off = |size: f64, x: f64| {
-                let angle = random.range(-1.6, 1.6);
+                let angle = random.range(1.2, 1.6) * if random.one_in(2) { 1.0 } else { -1.0 };
                 DVec3::new(x * angle.cos(), 0.0, angle.sin()) * size
             };
             let eye = off(error, 1.0) + off(ball, 1.0);

@@ -181,6 +181,23 @@ mod tests {
     }
 
     #[test]
+    fn errors_of_eyes_and_directions_are_those_of_the_projection() {
+        let error = |view: &View| ViewProjection::new(view, DVec3::ZERO).eye_error();
+        let perspective = view([DVec3::X, DVec3::Y, DVec3::Z], [1e6, 2e6, 3e6]).unwrap();
+        let found = PortalView::new(&perspective).unwrap();
+        assert!(error(&perspective) > 0.0, "an eye far from the origin has an error");
+        assert_eq!((found.error, found.lines), (error(&perspective), Lines::FromAnchor), "of the eye");
+        let rows = [DVec4::new(0.3, 0.4, 0.5, 0.0), DVec4::Y, DVec4::new(0.0, 0.0, 0.1, 0.5), DVec4::W];
+        let matrix = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
+        let parallel = View::from_clip_from_world(matrix, Depth::ZeroToOne).unwrap();
+        let Lines::Along(_, turn) = PortalView::new(&parallel).unwrap().lines else {
+            panic!("parallel lines")
+        };
+        assert!(turn > 0.0, "the direction has an error");
+        assert_eq!(turn, error(&parallel), "of the direction");
+    }
+
+    #[test]
     fn parallel_lines_of_sight_are_within_their_turn_of_the_direction() {
         let mut random = Random(4);
         let (mut found, mut greatest) = (0, 0.0f64);

@@ -82,7 +82,8 @@ impl WindowPlane {
         // Let `direction'` be the exact direction, `u` the unit round-off 2^-53, and `r` the error of `b -
         // a`, at most `2 error` long. The exact normal is `direction' x (b - a + r)`; the computed normal is
         // off by at most `2 error + |b - a| (turn + 8u)`. For a point `x` this error is multiplied by its
-        // distance from `a`, at most `|x| + |a|`.
+        // distance from the exact `a`, at most `|x| + |a| + error`. The exact `a` is in the exact plane, and
+        // off the computed one by `error`.
         let normal = direction.cross(b - a);
         let length = normal.length();
         let off = 2.0 * error + (b - a).length() * (turn + 8.0 * U);
@@ -90,7 +91,7 @@ impl WindowPlane {
         (slope < USELESS).then(|| {
             let unit = normal * (sign / length);
             let offset = -unit.dot(a);
-            let slack = slope * a.length() + 2.0 * error + 8.0 * U * a.length() + f64::MIN_POSITIVE;
+            let slack = (slope + 8.0 * U) * a.length() + error * (1.0 + slope) + f64::MIN_POSITIVE;
             Self { plane: Plane::new(unit, offset), slope, slack }
         })
     }
@@ -208,6 +209,17 @@ mod tests {
         }
     }
 
+    /// The error of a plane of the view, which is large here, is part of what is not outside of the plane.
+    #[test]
+    fn planes_of_the_view_have_its_error() {
+        let view = ViewPlane { plane: Plane::new(DVec3::X, 1.0), error: 0.5 };
+        let side = WindowPlane::of_view(&view);
+        for (x, is_outside) in [(-1.49, false), (-1.51, true)] {
+            let at = DVec3::new(x, 0.0, 0.0);
+            assert_eq!(side.excludes(at, at, 0.0), is_outside, "a point at {x}");
+        }
+    }
+
     /// A polygon and a box are not outside of a plane on whose inner side they have an exact point, off by the
     /// error.
     #[test]
@@ -223,6 +235,8 @@ mod tests {
             let axis = DVec3::AXES[random.below(3)];
             let at = (axis - normal * (normal.dot(axis))) * random.range(-3.0, 3.0)
                 + normal * random.range(-2.0, 2.0);
+            // Half of the points are nearer to the anchor than their error.
+            let at = at * if random.one_in(2) { random.unit().powi(4) } else { 1.0 };
             let mut error = random.unit();
             let aside = normal + at.normalize() * random.range(0.0, 0.5);
             let exact = at + off(&mut random, aside.normalize()) * error;
