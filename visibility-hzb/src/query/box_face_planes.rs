@@ -348,11 +348,12 @@ mod tests {
 
     #[test]
     fn faces_bound_nothing_where_numbers_are_too_large_or_too_uncertain() {
-        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0), DVec3::Z);
         let view = View::perspective(pose, 1.0, 1.5, 0.01, f64::INFINITY).unwrap();
         let mut projection = ScreenProjection::new(&view, DVec3::ZERO, [192, 128], [192, 128]);
-        projection.rows[0].error = f64::INFINITY;
-        assert_eq!(FacePlaneSetup::new(&projection).scale, 0.0, "an infinite error");
+        assert!(FacePlaneSetup::new(&projection).scale > 0.0, "a view");
+        projection.rows[0].error = f64::MAX;
+        assert_eq!(FacePlaneSetup::new(&projection).scale, 0.0, "infinite errors of denominators");
         let bounds = |scale: f64, error: f64| {
             let denominator_error = [error; LANES];
             let setup = FacePlaneSetup { scale, denominator_error, ..FacePlaneSetup::default() };

@@ -547,6 +547,9 @@ mod tests {
         let mut projection = ScreenProjection::new(&view, DVec3::ZERO, [640, 360], [640, 360]);
         for trial in 0..2_000 {
             let [width, _] = projection.picture;
+            // Errors of the rows are large in every other trial.
+            let large = f64::from(trial % 2);
+            (projection.rows[0].error, projection.rows[2].error) = (large, 0.01 * large);
             projection.rows[2].constant = random(1.0, 2.0);
             projection.rows[0].constant = width * projection.rows[2].constant * (1.0 + random(-1e-15, 1e-15));
             let row = ScreenProjection32::new(&projection).right_bottom[0];
