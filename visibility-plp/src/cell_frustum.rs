@@ -340,8 +340,8 @@ mod tests {
         assert!(outside > 19_900 && inside > 19_900, "{outside} {inside}");
     }
 
-    /// No triangle is a back if the exact eye may be on the other side. The error of the eye is made large here,
-    /// so that half of it would not do.
+    /// No triangle is a back if the exact eye may be on the other side. The error of the eye is made large
+    /// here, so that half of it would not do.
     #[test]
     fn eyes_within_their_error_of_a_plane_may_be_on_either_side() {
         let view = View::perspective(Pose::look_at(DVec3::X, DVec3::ZERO, DVec3::Z), 1.0, 1.0, 0.1, 100.0);

@@ -19,9 +19,9 @@
 //! the plane of a face, where one coordinate of `q` is a constant `t`, the depth key is that coordinate of `C
 //! s`, divided by `D t`. The numerator, with scaling and evaluation, is off by less than `64u` of `P s` at
 //! the far corner of the picture; some `31u` are needed, even a block of 64 pixels past that corner of a
-//! picture a quarter as wide. The denominator is off by less than `P e` plus `32u` of `t` times the six products.
-//! `64u` and a thousandth of `P e` more are allowed, for the rounding of the bound and of `t`. Half-spaces
-//! whose denominator is not larger than that error are left out, which only makes the box larger.
+//! picture a quarter as wide. The denominator is off by less than `P e` plus `32u` of `t` times the six
+//! products. `64u` and a thousandth of `P e` more are allowed, for the rounding of the bound and of `t`.
+//! Half-spaces whose denominator is not larger than that error are left out, which only makes the box larger.
 
 use crate::lanes::least;
 use crate::setup::screen_projection::{ScreenProjection, U};
@@ -303,8 +303,8 @@ mod tests {
         assert!(above > 2_000 && below > 2_000, "{above} {below}");
     }
 
-    /// Bounds hold whichever way the rows `x`, `y` and `w` are off by their errors. These errors are made large
-    /// here, so that half of one would not do.
+    /// Bounds hold whichever way the rows `x`, `y` and `w` are off by their errors. These errors are made
+    /// large here, so that half of one would not do.
     #[test]
     fn bounds_hold_on_the_faces_of_projections_that_are_off_by_their_errors() {
         let mut random = random(6);

@@ -5,16 +5,17 @@
 //! With `u = 2^-24`, take a coordinate `p` less the anchor: `d = (p - high) - low`, where `high` is the `f32`
 //! nearest to the anchor's coordinate and `low` the rest. If `p - high` is exact, rounding `low`, which is at
 //! most `|d|`, and the second difference costs `2u |d|`. Otherwise `p` and `high` differ by more than a
-//! factor of two, and `low` is less than `2u |d|`, so the two differences cost `2u |d|`. The value of a row with
-//! coefficients `a`, `b`, `c` is `((a d.x + b d.y) + c d.z) + constant`. Its coefficients, products and up to
-//! three sums are rounded once each: `5u` more of the terms' magnitudes, `7u` in all. `10u` are allowed. The
-//! rest covers the two roundings of a quotient `x / w` or `1 / (w - e_w)`, and the rounding of the magnitudes.
+//! factor of two, and `low` is less than `2u |d|`, so the two differences cost `2u |d|`. The value of a row
+//! with coefficients `a`, `b`, `c` is `((a d.x + b d.y) + c d.z) + constant`. Its coefficients, products and
+//! up to three sums are rounded once each: `5u` more of the terms' magnitudes, `7u` in all. `10u` are
+//! allowed. The rest covers the two roundings of a quotient `x / w` or `1 / (w - e_w)`, and the rounding of
+//! the magnitudes.
 //!
 //! Let `e_x` and `e_w < w` be bounds on the errors of a corner's computed `x` and `w`, and `c` the column
-//! where the corner appears. Then `x - c w` is off zero by at most `e_x + |c| e_w`, so the quotient `x / w` is
-//! off `c` by at most that divided by the computed `w`. In the picture, `c` is at most its `width`. A corner to the
-//! left of the picture has a quotient of at most `e_x / w`, and a corner to the right of it one of at least
-//! `width - (e_x + width e_w) / w`, so the same margin keeps both from narrowing the bounds.
+//! where the corner appears. Then `x - c w` is off zero by at most `e_x + |c| e_w`, so the quotient `x / w`
+//! is off `c` by at most that divided by the computed `w`. In the picture, `c` is at most its `width`. A
+//! corner to the left of the picture has a quotient of at most `e_x / w`, and a corner to the right of it one
+//! of at least `width - (e_x + width e_w) / w`, so the same margin keeps both from narrowing the bounds.
 
 use crate::buffer::tile_layout::Rectangle;
 use crate::lanes::{WIDTH, greatest, least, round_to_i32};

@@ -22,8 +22,8 @@
 //! and then a point of that triangle is in the pixel.
 //!
 //! Let `x`, `y` and `w` of a corner beyond the near limit (the distance at which geometry is cut) be off by
-//! at most `e_x`, `e_y` and `e_w`, and `w` exceed `8 e_w`. Then a pixel coordinate `q = x / w` is off by
-//! `8 / 7 (e_x + |q| e_w) / w`, two roundings aside. The *slack* is the greatest such bound over the mesh, with
+//! at most `e_x`, `e_y` and `e_w`, and `w` exceed `8 e_w`. Then a pixel coordinate `q = x / w` is off by `8 /
+//! 7 (e_x + |q| e_w) / w`, two roundings aside. The *slack* is the greatest such bound over the mesh, with
 //! the factor 5 / 4 for the roundings. 16 units of round-off of the greatest coordinate are added for what is
 //! computed of the corners. A point of a segment is off by no more than the ends of the segment, so contours
 //! are widened by the slack, and by `2^-20` of a pixel. Meshes whose slack exceeds a quarter of a pixel are

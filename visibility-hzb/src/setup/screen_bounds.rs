@@ -109,8 +109,8 @@ mod tests {
     use visibility_core::glam::{Affine3A, DVec3, Vec3};
     use visibility_core::{Pose, View};
 
-    /// Bounds hold whichever way the values of corners are off by their errors, which are large here, so that half
-    /// of one would not do.
+    /// Bounds hold whichever way the values of corners are off by their errors, which are large here, so that
+    /// half of one would not do.
     #[test]
     fn bounds_hold_for_corners_that_are_off_by_their_errors() {
         let mut random = random(13);

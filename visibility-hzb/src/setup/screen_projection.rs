@@ -311,8 +311,8 @@ mod tests {
         }
     }
 
-    /// Errors of the projection's own rows are part of those of an object, and are those of core. They are made
-    /// large here, so that half of one would not do.
+    /// Errors of the projection's own rows are part of those of an object, and are those of core. They are
+    /// made large here, so that half of one would not do.
     #[test]
     fn objects_have_the_errors_of_the_projection() {
         let pose = Pose::look_at(DVec3::new(1e6, -2e6, 3e6), DVec3::ZERO, DVec3::Z);

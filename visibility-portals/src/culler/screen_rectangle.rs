@@ -127,8 +127,8 @@ mod tests {
         assert!(found.iter().all(|&count| count > 5_000), "{found:?}");
     }
 
-    /// Rectangles and their planes hold points seen through them, wherever the corners and the rows of the view
-    /// are within their errors, which are large here. Half of an error would not do.
+    /// Rectangles and their planes hold points seen through them, wherever the corners and the rows of the
+    /// view are within their errors, which are large here. Half of an error would not do.
     #[test]
     fn rectangles_hold_what_is_seen_through_exact_corners() {
         let mut random = visibility_testing::Random(3);

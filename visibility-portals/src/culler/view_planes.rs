@@ -268,8 +268,8 @@ mod tests {
         assert!(counts.iter().all(|&count| count > 1000), "{counts:?}");
     }
 
-    /// The direction is undecided where the exact eye may be on either side of the exact polygon, whose errors
-    /// are large here. Half of an error would not do.
+    /// The direction is undecided where the exact eye may be on either side of the exact polygon, whose
+    /// errors are large here. Half of an error would not do.
     #[test]
     fn eyes_within_the_error_of_a_polygon_are_on_neither_side() {
         let wide = view([DVec3::X, DVec3::Y, DVec3::Z], [0.0; 3]).unwrap();
@@ -289,8 +289,8 @@ mod tests {
         }
     }
 
-    /// Planes through edges hold the points that are seen past the exact edges by exact eyes, wherever these are
-    /// within their errors, which are large here. Half of an error would not do.
+    /// Planes through edges hold the points that are seen past the exact edges by exact eyes, wherever these
+    /// are within their errors, which are large here. Half of an error would not do.
     #[test]
     fn planes_of_edges_hold_what_is_seen_past_the_exact_edges() {
         let mut random = visibility_testing::Random(1);

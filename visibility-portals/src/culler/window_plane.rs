@@ -200,7 +200,8 @@ mod tests {
     use alloc::vec::Vec;
     use visibility_testing::Random;
 
-    /// Returns one of the two unit vectors along `axis`, or a vector of random direction and of a length up to 1.
+    /// Returns one of the two unit vectors along `axis`, or a vector of random direction and of a length up
+    /// to 1.
     fn off(random: &mut Random, axis: DVec3) -> DVec3 {
         match random.below(3) {
             0 => axis,
@@ -220,8 +221,8 @@ mod tests {
         }
     }
 
-    /// A polygon and a box are not outside of a plane on whose inner side they have an exact point, off by the
-    /// error.
+    /// A polygon and a box are not outside of a plane on whose inner side they have an exact point, off by
+    /// the error.
     #[test]
     fn polygons_and_boxes_with_exact_points_inside_are_not_outside() {
         let mut random = Random(2);
