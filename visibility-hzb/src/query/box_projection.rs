@@ -7,9 +7,9 @@
 //! most `|d|`, and the second difference costs `2u |d|`. Otherwise `p` and `high` differ by more than a
 //! factor of two, and `low` is less than `2u |d|`, so the two differences cost `2u |d|`. The value of a row
 //! with coefficients `a`, `b`, `c` is `((a d.x + b d.y) + c d.z) + constant`. Its coefficients, products and
-//! up to three sums are rounded once each: `5u` more of the terms' magnitudes, `7u` in all. `10u` are
-//! allowed. The rest covers the two roundings of a quotient `x / w` or `1 / (w - e_w)`, and the rounding of
-//! the magnitudes.
+//! up to three sums are rounded once each: `5u` more of the terms' magnitudes, `7u` in all. `11u` are
+//! allowed. The rest covers the two roundings of a quotient `x / w` or `1 / (w - e_w)`, that of the sum of a
+//! quotient and its margin, and those of the magnitudes.
 //!
 //! Let `e_x` and `e_w < w` be bounds on the errors of a corner's computed `x` and `w`, and `c` the column
 //! where the corner appears. Then `x - c w` is off zero by at most `e_x + |c| e_w`, so the quotient `x / w`
@@ -22,9 +22,9 @@ use crate::lanes::{WIDTH, greatest, least, round_to_i32};
 use crate::setup::screen_projection::{ScreenProjection, ScreenRow, U};
 use crate::setup::screen_shape::ScreenExtent;
 
-/// Ten times the unit round-off of `f32`: error bound of the value of a [`ScreenRow32`] (a linear function of
-/// points), relative to the sum of the magnitudes of its terms.
-const MARGIN: f32 = 5.0 * f32::EPSILON;
+/// Eleven times the unit round-off of `f32`: error bound of the value of a [`ScreenRow32`] (a linear function
+/// of points), relative to the sum of the magnitudes of its terms.
+const MARGIN: f32 = 5.5 * f32::EPSILON;
 
 /// A [`ScreenRow`] rounded to `f32`: one homogeneous screen coordinate as a linear function `linear . p +
 /// constant` of a point `p` relative to the anchor (the eye of a perspective view).
