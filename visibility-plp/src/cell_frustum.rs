@@ -7,7 +7,7 @@ use visibility_core::{
     Aabb, View,
     geometry::sqrt,
     scene::Triangle,
-    view::{Eye, MAX_PLANES, ViewPlane},
+    view::{Eye, MAX_PLANES, ViewPlane, ViewProjection},
 };
 
 /// Half-space `normal . p + offset >= 0`, with a bound on the rounding error of that signed distance.
@@ -62,6 +62,9 @@ pub(crate) enum CellPlace {
 pub(crate) struct CellFrustum {
     /// Eye point in metres, or viewing direction of a parallel view, relative to the scene's origin.
     pub(crate) eye: Eye,
+    /// Bound on the error of `eye`: in metres for a point; for a direction, the length of the difference of
+    /// unit vectors. Infinite where rounding leaves the eye undecided.
+    eye_error: f64,
     /// View planes; only the first `count` are valid.
     planes: [BoundedPlane; MAX_PLANES],
     /// Number of planes of the view: the valid entries of `planes`.
@@ -81,7 +84,8 @@ impl CellFrustum {
     /// contains all cells and triangles to be tested.
     pub(crate) fn new(view: &View, origin: DVec3, bounds: &Aabb) -> Self {
         let reach = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
-        let eye = view.eye(origin);
+        let projection = ViewProjection::new(view, origin);
+        let (eye, eye_error) = (projection.eye(), projection.eye_error());
         let exit_margin = match eye {
             // Point and normal have errors of a few times 2^-52 of the greatest coordinate. 1e-9 of this
             // coordinate is a million times as much, and drops no face.
@@ -90,7 +94,8 @@ impl CellFrustum {
             Eye::Direction(_) => -1e-9,
         };
         let none = BoundedPlane { normal: DVec3::ZERO, offset: 0.0, slack: 0.0 };
-        let mut frustum = Self { eye, planes: [none; MAX_PLANES], count: 0, side_count: 0, exit_margin };
+        let planes = [none; MAX_PLANES];
+        let mut frustum = Self { eye, eye_error, planes, count: 0, side_count: 0, exit_margin };
         for with_eye_inside in [true, false] {
             for plane in view.planes(origin).as_slice() {
                 let bounded = BoundedPlane::new(plane, reach);
@@ -195,9 +200,9 @@ impl CellFrustum {
             let normal = u.cross(v);
             // Differences are rounded once, and products of three differences a few more times. 16 roundings
             // of 2^-53 are 2e-15 of the product of magnitudes. The sum of nine such products is at most nine
-            // times the greatest.
+            // times the greatest. An eye that is off by its error is that much lower or higher.
             let size = u.abs().max_element() * v.abs().max_element() * to_eye.abs().max_element();
-            normal.dot(to_eye) < -2e-14 * size
+            normal.dot(to_eye) < -(2e-14 * size + self.eye_error * normal.length())
         })
     }
 
@@ -333,6 +338,23 @@ mod tests {
             }
         }
         assert!(outside > 19_900 && inside > 19_900, "{outside} {inside}");
+    }
+
+    /// No triangle is a back if the exact eye may be on the other side. The error of the eye is made large
+    /// here, so that half of it would not do.
+    #[test]
+    fn eyes_within_their_error_of_a_plane_may_be_on_either_side() {
+        let view = View::perspective(Pose::look_at(DVec3::X, DVec3::ZERO, DVec3::Z), 1.0, 1.0, 0.1, 100.0);
+        let bounds = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+        let mut frustum = CellFrustum::new(&view.unwrap(), DVec3::ZERO, &bounds);
+        frustum.eye_error = 0.01;
+        for (height, is_back) in [(0.009, false), (0.011, true)] {
+            let triangle = [[-1.0, 0.0, height], [0.0, 1.0, height], [0.0, -1.0, height]].map(Vec3::from);
+            let turned = [triangle[0], triangle[2], triangle[1]];
+            let backs = [triangle, turned].map(|triangle| frustum.sees_backs([&triangle].into_iter()));
+            assert!(!(backs[0] && backs[1]), "a triangle of two backs at {height}");
+            assert_eq!(backs[0] || backs[1], is_back, "a triangle at {height} above the eye");
+        }
     }
 
     /// Triangles with integer corners and eyes so close to their planes that unguarded rounding would give

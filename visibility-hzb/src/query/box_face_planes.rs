@@ -19,9 +19,9 @@
 //! the plane of a face, where one coordinate of `q` is a constant `t`, the depth key is that coordinate of `C
 //! s`, divided by `D t`. The numerator, with scaling and evaluation, is off by less than `64u` of `P s` at
 //! the far corner of the picture; some `31u` are needed, even a block of 64 pixels past that corner of a
-//! picture a quarter as wide. The denominator is off by less than `2 P e` plus `64u` of `t` times the six
-//! products; half of that would do but for the rounding of the bound and of `t`. Half-spaces whose
-//! denominator is not twice as large as that error are left out, which only makes the box larger.
+//! picture a quarter as wide. The denominator is off by less than `P e` plus `32u` of `t` times the six
+//! products. `64u` and a thousandth of `P e` more are allowed, for the rounding of the bound and of `t`.
+//! Half-spaces whose denominator is not larger than that error are left out, which only makes the box larger.
 
 use crate::lanes::least;
 use crate::setup::screen_projection::{ScreenProjection, U};
@@ -118,7 +118,7 @@ impl FacePlaneSetup {
             determinant += x.linear[i] * columns[0].0[i];
             faces.denominator_error_per_metre += 64.0 * U * x.linear[i].abs() * columns[0].1[i];
         }
-        let sign = if determinant < 0.0 { -1.0 } else { 1.0 };
+        let sign = determinant.signum();
         let reach = [projection.size[0], projection.size[1], 1.0];
         for lane in 0..6 {
             let axis = lane % 3;
@@ -127,20 +127,20 @@ impl FacePlaneSetup {
                 let (value, size) = (columns[i].0[axis], columns[i].1[axis]);
                 faces.along[i][lane] = -SIGNS[lane] * sign * value;
                 faces.error[lane] += 64.0 * U * size * reach[i];
-                faces.denominator_error[lane] += 2.0 * size * (row.constant.abs() + row.error);
+                faces.denominator_error[lane] += 1.001 * size * (row.constant.abs() + row.error);
             }
         }
-        // The comparisons are false for NaN, which leaves `scale` at 0.
-        let sum = determinant.abs() + faces.denominator_error_per_metre + faces.error.iter().sum::<f64>();
-        if determinant.abs() > 0.0 && sum + faces.denominator_error.iter().sum::<f64>() < f64::INFINITY {
-            faces.scale = sign * determinant;
+        // The comparison is false for NaN, which leaves `scale` at 0.
+        let sum = determinant.abs() + faces.error.iter().chain(&faces.denominator_error).sum::<f64>();
+        if sum < f64::INFINITY {
+            faces.scale = determinant.abs();
         }
         faces
     }
 
     /// Computes the bounds on the depth key of a box by the planes of its faces. The box is given by its
     /// least x, y, z and greatest x, y, z in scene coordinates. A face is left without a bound if its
-    /// coordinate is NaN, or if the error bound of its distance from the eye exceeds half of that distance.
+    /// coordinate is NaN, or if the error bound of its distance from the eye exceeds that distance.
     #[inline(always)]
     pub(crate) fn of_box(&self, [x0, y0, z0, x1, y1, z1]: [f32; 6]) -> BoxFacePlanes {
         let sides = [x1, y1, z1, x0, y0, z0, 0.0, 0.0];
@@ -152,7 +152,7 @@ impl FacePlaneSetup {
             let size = self.scale * distance.abs();
             let off = self.denominator_error[i] + self.denominator_error_per_metre * distance.abs();
             // Written so that a face at a NaN coordinate bounds nothing.
-            let known = (size > 2.0 * off) & (size < f64::INFINITY);
+            let known = (size > off) & (size < f64::INFINITY);
             let inside = distance > 0.0;
             let over = 1.0 / (size + if inside { off } else { -off });
             let over = if known { over } else { 0.0 };
@@ -232,6 +232,7 @@ mod tests {
     use super::*;
     use crate::exact_screen::on_screen;
     use crate::random::random;
+    use alloc::format;
     use visibility_core::geometry::DoubleDouble;
     use visibility_core::glam::{DMat3, DVec3};
     use visibility_core::{Pose, View};
@@ -300,6 +301,67 @@ mod tests {
             }
         }
         assert!(above > 2_000 && below > 2_000, "{above} {below}");
+    }
+
+    /// Bounds hold whichever way the rows `x`, `y` and `w` are off by their errors. These errors are made
+    /// large here, so that half of one would not do.
+    #[test]
+    fn bounds_hold_on_the_faces_of_projections_that_are_off_by_their_errors() {
+        let mut random = random(6);
+        let mut counts = [0; 2];
+        for trial in 0..6_000 {
+            let mut unit = || random(-1.0, 1.0);
+            let turned = DVec3::new(unit(), unit(), unit());
+            let along = if trial % 2 == 0 { DVec3::X } else { turned };
+            let pose = Pose::look_at(DVec3::ZERO, along, DVec3::Z);
+            let view = View::perspective(pose, 1.0, 1.5, 0.01, f64::INFINITY).unwrap();
+            let mut projection = ScreenProjection::new(&view, DVec3::ZERO, [192, 128], [192, 128]);
+            let off = [192.0, 128.0, 1.0].map(|size| if unit() > 0.0 { size * unit().abs() } else { 0.0 });
+            (0..3).for_each(|i| projection.rows[i].error += off[i]);
+            let low = [0; 3].map(|_| (4.0 * unit()) as f32);
+            let high = low.map(|low| low + unit().abs() as f32);
+            let sides = [low[0], low[1], low[2], high[0], high[1], high[2]];
+            let planes = FacePlaneSetup::new(&projection).of_box(sides);
+            let [x, y, w, _] = projection.rows.map(|row| DVec3::from(row.linear));
+            let inverse = DMat3::from_cols(x, y, w).transpose().inverse();
+            for (lane, signs) in (0..6).flat_map(|lane| (0..8).map(move |signs| (lane, signs))) {
+                let e = DVec3::from([0, 1, 2].map(|i| if signs >> i & 1 == 0 { off[i] } else { -off[i] }));
+                let place = DVec3::new(96.0 * (1.0 + unit()), 64.0 * (1.0 + unit()), 1.0);
+                // The point of the face at that place: w * place = M q + e.
+                let side = f64::from(if lane < 3 { high[lane] } else { low[lane - 3] });
+                let w = (side + (inverse * e)[lane % 3]) / (inverse * place)[lane % 3];
+                let bound =
+                    planes.slope[0][lane] * place.x + planes.slope[1][lane] * place.y + planes.constant[lane];
+                let case = format!("trial {trial}, face {lane}, signs {signs:b}: {bound} for {}", 1.0 / w);
+                if w > 0.0 && planes.upper[lane] == 0.0 {
+                    counts[0] += 1;
+                    assert!(bound * w >= 1.0 - 1e-9, "upper bound, {case}");
+                }
+                if w > 0.0 && planes.lower[lane] == 0.0 {
+                    counts[1] += 1;
+                    assert!(-bound * w <= 1.0 + 1e-9, "lower bound, {case}");
+                }
+            }
+        }
+        assert!(counts[0] > 10_000 && counts[1] > 10_000, "{counts:?}");
+    }
+
+    #[test]
+    fn faces_bound_nothing_where_numbers_are_too_large_or_too_uncertain() {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0), DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.5, 0.01, f64::INFINITY).unwrap();
+        let mut projection = ScreenProjection::new(&view, DVec3::ZERO, [192, 128], [192, 128]);
+        assert!(FacePlaneSetup::new(&projection).scale > 0.0, "a view");
+        projection.rows[0].error = f64::MAX;
+        assert_eq!(FacePlaneSetup::new(&projection).scale, 0.0, "infinite errors of denominators");
+        let bounds = |scale: f64, error: f64| {
+            let denominator_error = [error; LANES];
+            let setup = FacePlaneSetup { scale, denominator_error, ..FacePlaneSetup::default() };
+            setup.of_box([2.0, -1.0, -1.0, 3.0, 1.0, 1.0]).bounds_from_above()
+        };
+        assert!(bounds(1.0, 1.9), "the near face is two metres away, give or take 1.9");
+        assert!(!bounds(1.0, 2.0), "the near face may be where the eye is");
+        assert!(!bounds(f64::MAX, 0.0), "the near face is too far away");
     }
 
     #[test]

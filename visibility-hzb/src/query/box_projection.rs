@@ -3,25 +3,28 @@
 //!
 //! # The error bound
 //! With `u = 2^-24`, take a coordinate `p` less the anchor: `d = (p - high) - low`, where `high` is the `f32`
-//! nearest to the anchor's coordinate and `low` the rest. No `f32` is nearer to the anchor than `high`. So
-//! `low` has at most the magnitude of the exact `d`, and `p - high` at most twice that magnitude. Rounding
-//! `low` and the two differences costs at most `4u |d|`. The value of a row with coefficients `a`, `b`, `c`
-//! is `((a d.x + b d.y) + c d.z) + constant`. Its coefficients, products and up to three sums are rounded
-//! once each: `5u` more of the terms' magnitudes, `9u` in all. `16u` are allowed, which covers the rounding
-//! of the magnitudes too. A quotient `q = x / w` of two such values with absolute errors `e_x` and `e_w` is
-//! off by `(e_x + |q| e_w) / w` to first order. `w` must exceed `8 e_w`, or else the box is left undecided;
-//! then the factor 1.25 covers higher orders. Only a quotient `q` inside the picture matters, so `|q|` is at
-//! most the size of the picture. A corner outside the picture that is computed to be outside never moves the
-//! clipped rectangle, and a corner outside that is computed to be inside is off by no more than that error.
+//! nearest to the anchor's coordinate and `low` the rest. If `p - high` is exact, rounding `low`, which is at
+//! most `|d|`, and the second difference costs `2u |d|`. Otherwise `p` and `high` differ by more than a
+//! factor of two, and `low` is less than `2u |d|`, so the two differences cost `2u |d|`. The value of a row
+//! with coefficients `a`, `b`, `c` is `((a d.x + b d.y) + c d.z) + constant`. Its coefficients, products and
+//! up to three sums are rounded once each: `5u` more of the terms' magnitudes, `7u` in all. `11u` are
+//! allowed. The rest covers the two roundings of a quotient `x / w` or `1 / (w - e_w)`, that of the sum of a
+//! quotient and its margin, and those of the magnitudes.
+//!
+//! Let `e_x` and `e_w < w` be bounds on the errors of a corner's computed `x` and `w`, and `c` the column
+//! where the corner appears. Then `x - c w` is off zero by at most `e_x + |c| e_w`, so the quotient `x / w`
+//! is off `c` by at most that divided by the computed `w`. In the picture, `c` is at most its `width`. A
+//! corner to the left of the picture has a quotient of at most `e_x / w`, and a corner to the right of it one
+//! of at least `width - (e_x + width e_w) / w`, so the same margin keeps both from narrowing the bounds.
 
 use crate::buffer::tile_layout::Rectangle;
 use crate::lanes::{WIDTH, greatest, least, round_to_i32};
-use crate::setup::screen_projection::{ScreenProjection, ScreenRow};
+use crate::setup::screen_projection::{ScreenProjection, ScreenRow, U};
 use crate::setup::screen_shape::ScreenExtent;
 
-/// Sixteen times the unit round-off of `f32`: error bound of the value of a [`ScreenRow32`] (a linear
-/// function of points), relative to the sum of the magnitudes of its terms.
-const MARGIN: f32 = 8.0 * f32::EPSILON;
+/// Eleven times the unit round-off of `f32`: error bound of the value of a [`ScreenRow32`] (a linear function
+/// of points), relative to the sum of the magnitudes of its terms.
+const MARGIN: f32 = 5.5 * f32::EPSILON;
 
 /// A [`ScreenRow`] rounded to `f32`: one homogeneous screen coordinate as a linear function `linear . p +
 /// constant` of a point `p` relative to the anchor (the eye of a perspective view).
@@ -87,8 +90,8 @@ impl ScreenProjection32 {
         let beyond = |size: f64, row: ScreenRow| ScreenRow {
             linear: core::array::from_fn(|i| size * w.linear[i] - row.linear[i]),
             constant: size * w.constant - row.constant,
-            error: 2.0 * (size * w.error + row.error)
-                + f64::EPSILON * (size * w.constant.abs() + row.constant.abs()),
+            // The rounding of the difference is far below that of its conversion to `f32`.
+            error: size * w.error + row.error + U * size * w.constant.abs(),
         };
         Self {
             high,
@@ -128,8 +131,8 @@ pub(crate) struct ScreenPoints {
 
 impl ScreenProjection32 {
     /// Projects points, given by x, y and z in scene coordinates, each by lane. The errors are bounded as for
-    /// boxes, but also for points outside the picture: each column and row has a bound in proportion to its
-    /// magnitude.
+    /// boxes, but also for points outside the picture: with a computed quotient `q` of magnitude `|q|`,
+    /// `x - q w` is off zero by at most `e_x + |q| e_w`, so `q` is off by that divided by the least `w`.
     #[inline(always)]
     pub(crate) fn points(&self, p: &[[f32; WIDTH]; 3]) -> ScreenPoints {
         let mut d = [[0.0; WIDTH]; 3];
@@ -154,12 +157,12 @@ impl ScreenProjection32 {
             let over = 1.0 / w[i];
             let (column, row) = (x[i] * over, y[i] * over);
             let size = greatest(column.abs(), row.abs());
-            let off = (greatest(x_error[i], y_error[i]) + size * w_error[i]) * (1.25 * over) + MARGIN * size;
+            (out.w[i], out.most_w[i]) = (w[i] - w_error[i], w[i] + w_error[i]);
+            let off = (greatest(x_error[i], y_error[i]) + size * w_error[i]) / out.w[i];
             // `known` is false for NaN.
-            let known = (w[i] > 8.0 * w_error[i]) & (off < f32::INFINITY);
+            let known = (out.w[i] > 0.0) & (off < f32::INFINITY);
             out.error[i] = if known { off } else { f32::INFINITY };
             (out.x[i], out.y[i]) = (column, row);
-            (out.w[i], out.most_w[i]) = (w[i] - w_error[i], w[i] + w_error[i]);
             out.near[i] = near[i] - near_error[i];
         }
         out
@@ -339,12 +342,10 @@ pub(crate) fn project<const N: usize>(
     }
     let (mut unknown, mut any) = ([false; N], false);
     for i in 0..N {
-        // The quotient x / w errs by the errors of x and of w, over the least `w`. The factor 1.25 allows for
-        // a computed `w` that is too large by up to an eighth, which `known` guarantees.
-        let over = 1.25 / w_least[i];
-        let x_margin = (x_error[i] + width * w_error[i]) * over + MARGIN * width;
-        let y_margin = (y_error[i] + height * w_error[i]) * over + MARGIN * height;
-        let known = w_least[i] > 8.0 * w_error[i];
+        let over = 1.0 / w_least[i];
+        let x_margin = (x_error[i] + width * w_error[i]) * over;
+        let y_margin = (y_error[i] + height * w_error[i]) * over;
+        let known = w_least[i] > w_error[i];
         let (left, right) = (bounds[0][i] - x_margin, bounds[1][i] + x_margin);
         let (top, bottom) = (bounds[2][i] - y_margin, bounds[3][i] + y_margin);
         out.known[i] = known && left <= right && top <= bottom;
@@ -358,8 +359,8 @@ pub(crate) fn project<const N: usize>(
         out.sides[2][i] = round_to_i32(clamped(top, height - 1.0) - 0.5).max(0);
         out.sides[3][i] =
             round_to_i32(clamped(bottom, height) + 0.5).max(out.sides[2][i] + 1).min(height as i32);
-        out.nearest[i] = (1.0 / (w_least[i] - w_error[i])) * (1.0 + MARGIN);
-        out.farthest[i] = (1.0 / (w_most[i] + w_error[i])) * (1.0 - MARGIN);
+        out.nearest[i] = 1.0 / (w_least[i] - w_error[i]);
+        out.farthest[i] = 1.0 / (w_most[i] + w_error[i]);
         unknown[i] = !known;
         any |= !known;
     }
@@ -374,7 +375,7 @@ pub(crate) fn project<const N: usize>(
                 b = greatest(depth_key, b);
             }
             let most = greatest(a.abs(), b.abs());
-            let margin = (n_error[i] + most * w_error[i]) * (1.25 / w_least[i]) + MARGIN * most;
+            let margin = (n_error[i] + most * w_error[i]) / (w_least[i] - w_error[i]);
             (out.farthest[i], out.nearest[i]) = (a - margin, b + margin);
         }
     }
@@ -408,8 +409,10 @@ mod tests {
     use super::*;
     use crate::exact_screen::exact_values;
     use crate::random::random;
+    use alloc::format;
     use visibility_core::geometry::DoubleDouble;
     use visibility_core::glam::{Affine3A, DVec3};
+    use visibility_core::view::Window;
     use visibility_core::{Aabb, Pose, View};
 
     /// Values of [`ScreenRow32`]s (linear functions of points) with denormal coefficients are within their
@@ -496,5 +499,157 @@ mod tests {
             }
         }
         assert!(known > 1000 && known < total, "{known} of {total}");
+    }
+
+    /// Values of rows are within their error bounds where every rounding goes the same way: each of the
+    /// roundings loses almost half a unit in the last place. Half of the bound would not do.
+    #[test]
+    fn rows_are_within_their_error_where_all_roundings_add_up() {
+        let mut random = random(11);
+        let mut worst = 0.0f64;
+        for trial in 0..20_000 {
+            // A number of `f32` a little above 1, and what is lost when nearly half a unit is added to it.
+            let mut one = || 1.0 + f64::from(random(0.0, 4096.0) as i32) * f64::from(f32::EPSILON);
+            let (a, p, c) = (one(), one(), one());
+            let mut lost = || random(0.9, 0.999) * f64::from(f32::EPSILON / 2.0);
+            let (coefficient, high, y, z, tiny) = (lost(), -lost() as f32, lost(), lost(), lost());
+            let linear = [a + coefficient, y, z];
+            let constant = if trial % 2 == 0 { tiny } else { 1024.0 * (c + tiny) };
+            let row = ScreenRow32::new(ScreenRow { linear, constant, error: 0.0 });
+            let d = [[p as f32 - high], [1.0], [1.0]];
+            let exact = linear[0] * (p - f64::from(high)) + linear[1] + linear[2] + constant;
+            let points = d.map(|d| [d[0]; WIDTH]);
+            for (value, error) in [
+                {
+                    let (values, [error]) = corners(&row, &d, &d);
+                    (values[0][0], error)
+                },
+                {
+                    let (values, error) = values(&row, &points);
+                    (values[0], error[0])
+                },
+            ] {
+                let (wrong, error) = ((f64::from(value) - exact).abs(), f64::from(error));
+                assert!(wrong <= error, "trial {trial}: off by {wrong}, not {error}");
+                worst = worst.max(wrong / error);
+            }
+            assert!(f64::from(most(&row, &d, &d, 1.0)[0]) >= exact, "trial {trial}: upper bound");
+            assert!(f64::from(most(&row, &d, &d, -1.0)[0]) >= -exact, "trial {trial}: lower bound");
+        }
+        assert!(worst > 0.5, "the worst error is {worst} of its bound");
+    }
+
+    /// The rows for the right and the lower side of the picture are differences of large constants.
+    #[test]
+    fn differences_of_rows_are_within_their_error() {
+        let mut random = random(14);
+        let view =
+            View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.7, 0.1, 900.0).unwrap();
+        let mut projection = ScreenProjection::new(&view, DVec3::ZERO, [640, 360], [640, 360]);
+        for trial in 0..2_000 {
+            let [width, _] = projection.picture;
+            // Errors of the rows are large in every other trial.
+            let large = f64::from(trial % 2);
+            (projection.rows[0].error, projection.rows[2].error) = (large, 0.01 * large);
+            projection.rows[2].constant = random(1.0, 2.0);
+            projection.rows[0].constant = width * projection.rows[2].constant * (1.0 + random(-1e-15, 1e-15));
+            let row = ScreenProjection32::new(&projection).right_bottom[0];
+            let exact = DoubleDouble::product(width, projection.rows[2].constant)
+                .plus((-projection.rows[0].constant).into());
+            let wrong = exact.plus((-f64::from(row.constant)).into()).hi.abs();
+            let bound =
+                f64::from(row.constant_error) - projection.rows[0].error - width * projection.rows[2].error;
+            assert!(wrong <= bound, "trial {trial}: off by {wrong}, not {bound}");
+        }
+    }
+
+    /// Bounds hold whichever way each row of the projection is off by its error. These errors are made large
+    /// here, so that half of one would not do.
+    #[test]
+    fn bounds_hold_for_projections_that_are_off_by_their_errors() {
+        let mut random = random(12);
+        let (mut counts, mut points_known) = ([0; 5], 0);
+        let [width, height] = [640.0, 360.0];
+        for trial in 0..6_000 {
+            let mut unit = || random(-1.0, 1.0);
+            let along = DVec3::new(unit(), unit(), unit()).normalize();
+            let eye = DVec3::new(unit(), unit(), unit()) * 8.0;
+            let pose = Pose::look_at(eye, eye + along, DVec3::new(unit(), unit(), unit()));
+            let view = match trial % 3 {
+                0 => View::orthographic(
+                    pose,
+                    Window { left: -2.0, right: 2.0, bottom: -1.0, top: 1.0 },
+                    0.5,
+                    9.0,
+                ),
+                _ => View::perspective(pose, 1.0, 16.0 / 9.0, 0.5, 9.0),
+            };
+            let mut projection = ScreenProjection::new(&view.unwrap(), DVec3::ZERO, [640, 360], [640, 360]);
+            // Errors in the unit of each row, for pictures a metre away. Other errors are far smaller.
+            let mut off = [0.0; 5];
+            for (i, off) in off.iter_mut().enumerate() {
+                let size = [width, height, 1.0, 0.1, 0.5][i];
+                if unit() > 0.0 && (i != 3 || !projection.perspective) {
+                    *off = size * 10f64.powf(1.5 * unit() - 1.6);
+                }
+                let row = if i < 4 { &mut projection.rows[i] } else { &mut projection.near };
+                row.error += *off;
+            }
+            // Half of the boxes are close to the plane of the eye.
+            let ahead = if unit() > 0.0 { 2.0 + 2.5 * unit() } else { 0.3 * unit() };
+            let middle = eye + along * ahead + DVec3::new(unit(), unit(), unit()) * 1.5;
+            let half = DVec3::new(unit(), unit(), unit()).abs() * 0.3;
+            let bounds = Aabb::new((middle - half).as_vec3(), (middle + half).as_vec3());
+            let [low, high] = [bounds.min.to_array(), bounds.max.to_array()];
+            let boxes = [low[0], low[1], low[2], high[0], high[1], high[2]].map(|side| [side]);
+            let projection32 = ScreenProjection32::new(&projection);
+            let seen = project(&projection32, &boxes);
+            let corners = bounds.corners();
+            let points = projection32
+                .points(&[0, 1, 2].map(|axis| core::array::from_fn(|i| corners[i % 8].to_array()[axis])));
+            let [left, right, top, bottom] = [0, 1, 2, 3].map(|side| f64::from(seen.sides[side][0]));
+            for (at, corner) in corners.iter().enumerate() {
+                let p = corner.as_dvec3() - projection.anchor;
+                for signs in 0..32 {
+                    let [x, y, w, n, near] = [0, 1, 2, 3, 4].map(|i| {
+                        let row = if i < 4 { &projection.rows[i] } else { &projection.near };
+                        let sign = if signs >> i & 1 == 0 { 1.0 } else { -1.0 };
+                        DVec3::from(row.linear).dot(p) + row.constant + sign * off[i]
+                    });
+                    let in_picture = w > 0.0 && x >= 0.0 && x <= width * w && y >= 0.0 && y <= height * w;
+                    let case = format!("trial {trial}, corner {at}, signs {signs:b}");
+                    assert!(!seen.outside[0] || !in_picture || near < 0.0, "{case}: in view");
+                    assert!(!seen.uncut[0] || near > 0.0, "{case}: before the near plane");
+                    assert!(!seen.inside[0] || in_picture && near > 0.0, "{case}: not inside");
+                    if seen.known[0] {
+                        assert!(w > 0.0, "{case}: behind the eye");
+                        assert!(n <= w * f64::from(seen.nearest[0]), "{case}: nearer");
+                        assert!(n >= w * f64::from(seen.farthest[0]), "{case}: farther");
+                        let is_met = left * w <= x && x <= right * w && top * w <= y && y <= bottom * w;
+                        assert!(is_met || !in_picture, "{case}: beside its pixels");
+                    }
+                    let ScreenPoints { w: least_w, most_w, error, near: least_near, .. } = &points;
+                    assert!(w >= f64::from(least_w[at]) && w <= f64::from(most_w[at]), "{case}: w");
+                    assert!(near >= f64::from(least_near[at]), "{case}: distance beyond the near plane");
+                    if error[at] < f32::INFINITY {
+                        let wrong = (x / w - f64::from(points.x[at]))
+                            .abs()
+                            .max((y / w - f64::from(points.y[at])).abs());
+                        assert!(w > 0.0 && wrong <= f64::from(error[at]), "{case}: off by {wrong} pixels");
+                        points_known += 1;
+                    }
+                }
+            }
+            for (i, is) in
+                [seen.outside[0], seen.known[0], seen.uncut[0], seen.inside[0]].into_iter().enumerate()
+            {
+                counts[i] += u32::from(is);
+            }
+            counts[4] += u32::from(seen.outside[0] && !seen.known[0]);
+        }
+        assert!(
+            counts.iter().all(|&count| count > 300) && points_known > 100_000,
+            "{counts:?} {points_known}"
+        );
     }
 }

@@ -121,3 +121,46 @@ fn decide<const N: usize>(
     }
     (hidden, visible)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::buffer::{pyramid::Pyramid, tiles::Tiles};
+    use crate::query::box_face_planes::FacePlaneSetup;
+    use crate::query::box_projection::ScreenProjection32;
+    use crate::setup::screen_projection::ScreenProjection;
+    use visibility_core::glam::DVec3;
+    use visibility_core::{Pose, View};
+
+    /// Boxes of no thickness are proper: those outside of the picture are hidden, as are those behind covered
+    /// tiles. Boxes whose least coordinate is above the greatest are visible.
+    #[test]
+    fn flat_boxes_are_proper() {
+        let size = [64, 64];
+        let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0);
+        let projection = ScreenProjection::new(&view.unwrap(), DVec3::ZERO, size, size);
+        let (faces, projection) = (FacePlaneSetup::new(&projection), ScreenProjection32::new(&projection));
+        let mut tiles = Tiles::new(size[0], size[1]);
+        (0..64).for_each(|tile| tiles.cover_tile(tile / 8, tile % 8, 1.0, 0));
+        let mut pyramid = Pyramid::new(&tiles);
+        pyramid.update(&mut tiles);
+        let query = BoxQuery {
+            projection: &projection,
+            tiles: &tiles,
+            pyramid: &pyramid,
+            faces: &faces,
+            nearest: 1.0,
+        };
+        for aside in [0.0, 50.0] {
+            for axis in 0..3 {
+                let mut sides = [10.0, aside - 1.0, -1.0, 11.0, aside + 1.0, 1.0];
+                sides[axis + 3] = sides[axis];
+                let answer = test_box(&query, sides);
+                assert_eq!((answer.hidden, answer.visible), (1, 0), "flat along axis {axis}: {sides:?}");
+                sides[axis + 3] -= 0.5;
+                let answer = test_box(&query, sides);
+                assert_eq!((answer.hidden, answer.visible), (0, 1), "inverted along axis {axis}: {sides:?}");
+            }
+        }
+    }
+}

@@ -231,3 +231,43 @@ fn sides_of(rectangle: &Rectangle) -> [f64; 4] {
     let ([left, right], [top, bottom]) = (rectangle.columns, rectangle.lines);
     [left, right, top, bottom].map(f64::from)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::query::box_face_planes::FacePlaneSetup;
+    use crate::setup::screen_projection::ScreenProjection;
+    use visibility_core::glam::DVec3;
+    use visibility_core::{Pose, View};
+
+    /// A box is visible in any tile of its rectangle that is empty, and hidden if none is, for rectangles of
+    /// any number of tiles.
+    #[test]
+    fn boxes_are_visible_in_each_empty_tile_of_their_rectangle() {
+        let size = [256, 128];
+        let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 2.0, 0.1, 100.0);
+        let projection = ScreenProjection::new(&view.unwrap(), DVec3::ZERO, size, size);
+        let faces = FacePlaneSetup::new(&projection);
+        for columns in 1..=18 {
+            for open in 0..=columns {
+                let mut tiles = Tiles::new(size[0], size[1]);
+                for (row, column) in (0..tiles.rows).flat_map(|row| (0..32).map(move |column| (row, column)))
+                {
+                    if column != 3 + open || open == columns {
+                        tiles.cover_tile(row, column, 1.0, 0);
+                    }
+                }
+                let (mut pyramid, all) = (Pyramid::new(&tiles), open == columns);
+                pyramid.update(&mut tiles);
+                for end in [16, 72, 80, 120] {
+                    let columns = [24, 24 + 8 * columns as u32];
+                    let planes = faces.of_box([10.0, -50.0, -50.0, 11.0, 50.0, 50.0]);
+                    let rectangle = Rectangle { columns, lines: [8, end] };
+                    let test = FaceTest { planes, tiles: &tiles, pyramid: &pyramid, rectangle, nearest: 0.1 };
+                    let is_hidden = test.is_hidden();
+                    assert_eq!(is_hidden, all, "tile {open} is empty in {columns:?}, down to line {end}");
+                }
+            }
+        }
+    }
+}

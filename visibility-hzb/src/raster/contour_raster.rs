@@ -205,7 +205,7 @@ impl<'a> ContourRaster<'a> {
     /// centres alone decides.
     ///
     /// The column at which the edge meets a row is clamped to the ends of the edge, and otherwise off by at
-    /// most 11 units of round-off of the greatest coordinate. `self.slack` is several times as large.
+    /// most 11 units of round-off of the greatest coordinate. 16 such units are part of `self.slack`.
     #[inline(always)]
     pub(crate) fn contour(&mut self, a: &ScreenVertex, b: &ScreenVertex, times: i8, marked: bool) {
         let slack = self.slack;

@@ -22,16 +22,17 @@
 //! and then a point of that triangle is in the pixel.
 //!
 //! Let `x`, `y` and `w` of a corner beyond the near limit (the distance at which geometry is cut) be off by
-//! at most `e_x`, `e_y` and `e_w`. Then a pixel coordinate `q = x / w` is off by `(e_x + |q| e_w) / w`, two
-//! roundings aside. The *slack* is twice the greatest such bound over the mesh; 32 units of round-off of the
-//! greatest coordinate are part of it. A point of a segment is off by no more than the ends of the segment,
-//! so contours are widened by the slack, and by `2^-20` of a pixel. Meshes whose slack exceeds a quarter of a
-//! pixel are not drawn.
+//! at most `e_x`, `e_y` and `e_w`, and `w` exceed `8 e_w`. Then a pixel coordinate `q = x / w` is off by `8 /
+//! 7 (e_x + |q| e_w) / w`, two roundings aside. The *slack* is the greatest such bound over the mesh, with
+//! the factor 5 / 4 for the roundings. 16 units of round-off of the greatest coordinate are added for what is
+//! computed of the corners. A point of a segment is off by no more than the ends of the segment, so contours
+//! are widened by the slack, and by `2^-20` of a pixel. Meshes whose slack exceeds a quarter of a pixel are
+//! not drawn.
 //!
-//! Twice the area of a triangle on the screen is a product of differences, each off by the slack at most. So
-//! the doubled area is off by twice the slack times the sum of the magnitudes of these differences, roundings
-//! included. Beyond that bound, its sign is that of the determinant of the corners, since each `w` is
-//! positive.
+//! Twice the area of a triangle on the screen is a difference of two products of differences of coordinates,
+//! each of these off by twice the slack at most. So the doubled area is off by twice the slack times the sum
+//! of the magnitudes of these differences and four slacks, roundings included. Beyond that bound, its sign is
+//! that of the determinant of the corners, since each `w` is positive.
 
 use super::contour_raster::{ContourRaster, ContourTiles, ScreenVertex};
 use super::parallax::Parallax;
@@ -69,6 +70,9 @@ pub(crate) struct MeshScratch {
 /// Constant part of the slack, in pixels: the distance by which contours (edges of the drawn area) are
 /// widened on both sides, so that rounding covers no pixel too many.
 const MIN_SLACK_PX: f64 = 1.0 / 1048576.0;
+
+/// Greatest slack, in pixels, of meshes that are drawn.
+const MAX_SLACK_PX: f64 = 0.25;
 
 /// Minimum size of drawn triangles in meshes with many open edges: the summed widths and heights, in pixels,
 /// of the screen bounds of two of the triangle's sides. Smaller triangles of such meshes are not drawn, since
@@ -149,11 +153,11 @@ pub(crate) fn draw_mesh(
     if !uncut {
         bound_cuts(mesh, corners, object, near_limit, &mut vertex_bounds);
     }
-    // An eighth of a pixel: more slack would widen contours so far that most meshes cover little.
-    if !(vertex_bounds.error <= 0.125) {
+    // More slack would widen contours so far that most meshes cover little.
+    let slack = vertex_bounds.error + MIN_SLACK_PX;
+    if !(slack <= MAX_SLACK_PX) {
         return f32::NEG_INFINITY;
     }
-    let slack = 2.0 * vertex_bounds.error + MIN_SLACK_PX;
     let sides = choose(mesh, corners, screen, uncut.then_some(slack), object, facing, near_limit, drawn);
     if sides == 0 {
         return f32::NEG_INFINITY;
@@ -363,11 +367,11 @@ pub(crate) fn project_corner([x, y, w, n]: [f64; 4], object: &ObjectProjection) 
     // The reciprocal is infinite for corners at or behind the eye, which makes their error infinite.
     let over = 1.0 / if w > 8.0 * ew { w } else { 0.0 };
     let size = greatest(x.abs(), y.abs()) * over;
-    let error = (ex + ey + size * ew) * over + 8.0 * f64::EPSILON * size;
+    let error = 1.25 * (greatest(ex, ey) + size * ew) * over + 8.0 * f64::EPSILON * size;
     // The error is NaN for a corner in the eye itself.
     let error = if error < f64::INFINITY { error } else { f64::INFINITY };
     let depth_key = n * over;
-    let margin = 2.0 * (en + depth_key.abs() * ew) * over + 4.0 * f64::EPSILON * depth_key.abs();
+    let margin = 1.25 * (en + depth_key.abs() * ew) * over;
     (ScreenVertex { x: x * over, y: y * over, far: lower(depth_key - margin) }, error, depth_key + margin)
 }
 
@@ -417,7 +421,7 @@ fn choose(
             let (bx, by, cx, cy) = (b.x - a.x, b.y - a.y, c.x - a.x, c.y - a.y);
             let area = (bx * cy - by * cx) * facing;
             let size = bx.abs() + by.abs() + cx.abs() + cy.abs();
-            let certain = if size < smallest { f64::INFINITY } else { 2.0 * slack * (size + slack) };
+            let certain = if size < smallest { f64::INFINITY } else { 2.0 * slack * (size + 4.0 * slack) };
             let turn = if area < -certain { back } else { 0 };
             let turn = if area > certain { 1 } else { turn };
             (fronts, backs) = (fronts | (turn > 0), backs | (turn < 0));
@@ -501,6 +505,38 @@ mod tests {
         assert!(close > 100, "{close} points are close");
     }
 
+    /// Bounds hold whichever way `x`, `y`, `w` and `n` of a corner are off by their errors. These errors are
+    /// made large here, so that half of one would not do.
+    #[test]
+    fn corners_are_within_their_errors_if_their_coordinates_are() {
+        let mut random = random(13);
+        let mut known = 0;
+        for trial in 0..20_000 {
+            let mut object = ObjectProjection::default();
+            for error in &mut object.error {
+                // No error is less than a few units of round-off.
+                *error = 1e-14 + if random(-1.0, 1.0) > 0.0 { random(0.0, 0.2) } else { 0.0 };
+            }
+            let [x, y] = [0; 2].map(|_| random(-2.0, 2.0));
+            let (w, n) = (random(0.5, 2.0), random(-2.0, 2.0));
+            let (corner, error, most) = project_corner([x, y, w, n], &object);
+            if !(error < f64::INFINITY) {
+                assert!(w <= 8.0 * object.error[2], "trial {trial}: {w} is far above its error");
+                continue;
+            }
+            known += 1;
+            for signs in 0..16 {
+                let off =
+                    [0, 1, 2, 3].map(|i| if signs >> i & 1 == 0 { 1.0 } else { -1.0 } * object.error[i]);
+                let (x, y, w, n) = (x + off[0], y + off[1], w + off[2], n + off[3]);
+                let wrong = (x / w - corner.x).abs().max((y / w - corner.y).abs());
+                assert!(wrong <= error, "trial {trial}, signs {signs:b}: off by {wrong}, not {error}");
+                assert!(f64::from(corner.far) <= n / w && n / w <= most, "trial {trial}: depth key");
+            }
+        }
+        assert!(known > 10_000, "{known} corners are known");
+    }
+
     /// The three edges of a triangle with the vertices 0, 1 and 2, without neighbouring triangles.
     const TRIANGLE_EDGES: [Edge; 3] = [
         Edge { vertices: [0, 1], left: 0, right: None },
@@ -525,10 +561,10 @@ mod tests {
             };
             let object = projection.project_object(&Affine3A::IDENTITY, [10.0; 3]);
             let mut off = object;
-            for axis in 0..2 {
-                // 0.5 is 0.05 pixels at a distance of 10 m.
-                off.error[axis] += 0.5;
-                off.constant[axis] += random(-0.5, 0.5);
+            // 0.5 is 0.05 pixels at a distance of 10 m, and 0.01 of `w` is up to 0.06 pixels.
+            for (axis, most) in [(0, 0.5), (1, 0.5), (2, if trial % 2 == 0 { 0.01 } else { 0.0 })] {
+                off.error[axis] += most;
+                off.constant[axis] += [-most, most, random(-most, most)][random(0.0, 3.0) as usize];
             }
             let mut tiles = Tiles::new(64, 64);
             let (mut scratch, mut contour_tiles) = (MeshScratch::default(), ContourTiles::new(&tiles));
@@ -568,7 +604,7 @@ mod tests {
     }
 
     /// Tests that a triangle which faces away is never drawn as a front, nor a front as a back, if screen
-    /// coordinates are off by up to half the slack.
+    /// coordinates are off by up to the slack.
     #[test]
     fn triangles_off_by_the_slack_keep_their_facing() {
         let mut random = random(12);
@@ -595,8 +631,8 @@ mod tests {
             let [a, b, c] = true_vertices;
             let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
             let screen = true_vertices.map(|[x, y]| ScreenVertex {
-                x: x + 0.5 * slack * random(-1.0, 1.0),
-                y: y + 0.5 * slack * random(-1.0, 1.0),
+                x: x + slack * [-1.0, 1.0, random(-1.0, 1.0)][random(0.0, 3.0) as usize],
+                y: y + slack * [-1.0, 1.0, random(-1.0, 1.0)][random(0.0, 3.0) as usize],
                 far: 0.0,
             });
             choose(&mesh, &[], &screen, Some(slack), &object, 1.0, 0.0, &mut drawn);

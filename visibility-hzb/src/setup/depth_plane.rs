@@ -46,9 +46,10 @@ pub(crate) fn plane(
 /// and of cross products of corners.
 ///
 /// A coefficient is a numerator over the determinant. Over the picture, the numerator is off by the error of
-/// a cross product times the magnitude of `n` (depth key times `w`). For parallel views, the error of `n`
-/// times the product of two other coordinates is added. The error of the determinant counts as a relative
-/// error of the quotient.
+/// cross products times the magnitude of `n` (depth key times `w`). In parallel views, where differences of
+/// `n` multiply cross products too, a corner that is a sum has three errors: 40 of 64 units of errors in all.
+/// The error of `n` times the product of two other coordinates is then added. The error of the determinant
+/// counts as a relative error of the quotient.
 #[inline(always)]
 pub(crate) fn lower(
     [a, b, c]: [f64; 3],
@@ -63,6 +64,6 @@ pub(crate) fn lower(
     let size = a.abs() * width + b.abs() * rows + c.abs();
     let of_n =
         if projection.perspective { 0.0 } else { 32.0 * en * (width * sy * sw + rows * sx * sw + sx * sy) };
-    let numerator = 4.0 * cross_error * sn + of_n;
+    let numerator = 2.0 * cross_error * sn + of_n;
     [a, b, c - 2.0 * (numerator + size * determinant_error) * over.abs()]
 }

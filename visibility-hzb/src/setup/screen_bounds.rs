@@ -36,8 +36,9 @@ pub(crate) fn extent<const N: usize>(
 /// and greatest column, row and depth key. `least_w` is the least `w` of the points. `None` if `least_w` is
 /// at most 1024 times the error bound of `w`.
 ///
-/// A quotient `q = a / w` is off by `(e_a + |q| e_w) / w` to first order, and by two roundings, with absolute
-/// errors `e_a` and `e_w`. The factor 2 covers higher orders, since `w` exceeds `1024 e_w`.
+/// A quotient `q = a / w` is off by `(e_a + |q| e_w) / (w - e_w)` at most, with absolute errors `e_a` and
+/// `e_w`. The factor 1.25 covers the divisor, since `w` exceeds `1024 e_w`, and the two roundings of the
+/// quotient, since errors are at least 16 units of round-off.
 #[inline(always)]
 fn rounded_outwards(
     low: [f64; 3],
@@ -52,7 +53,7 @@ fn rounded_outwards(
     let mut out = [0.0; 6];
     for (axis, error) in [ex, ey, en].into_iter().enumerate() {
         let most = low[axis].abs().max(high[axis].abs());
-        let margin = 2.0 * ((error + most * ew) / least_w + 2.0 * f64::EPSILON * most);
+        let margin = 1.25 * (error + most * ew) / least_w;
         out[2 * axis] = low[axis] - margin;
         out[2 * axis + 1] = high[axis] + margin;
     }
@@ -107,6 +108,38 @@ mod tests {
     use visibility_core::geometry::DoubleDouble;
     use visibility_core::glam::{Affine3A, DVec3, Vec3};
     use visibility_core::{Pose, View};
+
+    /// Bounds hold whichever way the values of corners are off by their errors, which are large here, so that
+    /// half of one would not do.
+    #[test]
+    fn bounds_hold_for_corners_that_are_off_by_their_errors() {
+        let mut random = random(13);
+        let mut bounded = 0;
+        for trial in 0..20_000 {
+            let mut object = ObjectProjection::default();
+            for (error, most) in object.error.iter_mut().zip([0.5, 0.5, 0.002, 0.5, 0.0]) {
+                *error = 1e-13 + if random(-1.0, 1.0) > 0.0 { random(0.0, most) } else { 0.0 };
+            }
+            let [x, y, n] = [0; 3].map(|_| [random(-50.0, 50.0), random(-50.0, 50.0)]);
+            let w = [random(1.0, 2.0), random(1.0, 2.0)];
+            let Some(bounds) = extent(&x, &y, &w, &n, &object) else { continue };
+            bounded += 1;
+            for (i, signs) in (0..2).flat_map(|i| (0..16).map(move |signs| (i, signs))) {
+                let off = [0, 1, 2, 3]
+                    .map(|row| if signs >> row & 1 == 0 { 1.0 } else { -1.0 } * object.error[row]);
+                let w = w[i] + off[2];
+                for (axis, value) in [x[i] + off[0], y[i] + off[1], n[i] + off[3]].into_iter().enumerate() {
+                    let is_in = bounds[2 * axis] <= value / w && value / w <= bounds[2 * axis + 1];
+                    assert!(
+                        is_in,
+                        "trial {trial}, corner {i}, signs {signs:b}: {} on axis {axis}",
+                        value / w
+                    );
+                }
+            }
+        }
+        assert!(bounded > 5_000, "{bounded} pairs of corners have bounds");
+    }
 
     /// Exact corners of triangles lie within the bounds of the computed corners, and no farther than their
     /// depth plane.

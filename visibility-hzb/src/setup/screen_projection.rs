@@ -311,6 +311,30 @@ mod tests {
         }
     }
 
+    /// Errors of the projection's own rows are part of those of an object, and are those of core. They are
+    /// made large here, so that half of one would not do.
+    #[test]
+    fn objects_have_the_errors_of_the_projection() {
+        let pose = Pose::look_at(DVec3::new(1e6, -2e6, 3e6), DVec3::ZERO, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.7, 0.1, 900.0).unwrap();
+        let mut projection = ScreenProjection::new(&view, DVec3::ZERO, [640, 360], [640, 360]);
+        let of_core = ViewProjection::new(&view, DVec3::ZERO);
+        let [x, y] = of_core.pixels(640.0, 360.0);
+        for (row, of_core) in projection.rows.iter().zip([x, y, of_core.w(), of_core.depth_key()]) {
+            assert_eq!(row.error, of_core.error, "the error of a row of core");
+        }
+        assert_eq!(projection.near.error, of_core.near().error, "the error of the distance");
+        for i in 0..5 {
+            (if i < 4 { &mut projection.rows[i] } else { &mut projection.near }).error = 1e9 * (i + 1) as f64;
+        }
+        let transforms = [Affine3A::IDENTITY, Affine3A::from_scale(Vec3::splat(3.0))];
+        for (object, transform) in transforms.map(|of| (projection.project_object(&of, [1.0; 3]), of)) {
+            for (i, error) in object.error.into_iter().enumerate() {
+                assert!(error >= 1e9 * (i + 1) as f64, "row {i} under {transform:?}: {error}");
+            }
+        }
+    }
+
     /// Tests that occluders under flat transforms are not drawn. Entries of the transforms have 22 bits, so
     /// that the exact determinant is zero but the one computed in `f64` is not.
     #[test]

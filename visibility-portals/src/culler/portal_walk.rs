@@ -470,20 +470,21 @@ impl PortalWalk {
         window: &Window,
         error: f64,
     ) -> Window {
-        // Let all vertices be at heights of at most `height` over the plane through the eye, errors included,
-        // and let the visible part of the portal be at least `nearest` away. A line of sight that meets this
-        // part rises off the plane by at most `height / nearest` of its length, however far it extends.
+        // Let `height` be the greatest height of an exact eye over the plane through the anchor, plus the
+        // greatest of an exact vertex, and let the visible part of the portal be at least `nearest` away from
+        // every eye. A line of sight that meets this part rises by at most `height / nearest` of its length,
+        // however far it extends.
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for corner in &self.polygon {
             (low, high) = (low.min(corner.at), high.max(corner.at));
         }
-        let nearest = low.max(-high).max(DVec3::ZERO).length() - 2.0 * error - eye_view.ball;
+        let nearest = low.max(-high).max(DVec3::ZERO).length() - error - eye_view.ball;
         let own = outline.error + eye_view.error + eye_view.ball;
         let height = vertices.iter().fold(0.0, |height: f64, &vertex| {
             let at = vertex - eye_view.anchor;
             height.max(outline.normal.dot(at).abs() + own + 32.0 * U * at.length())
         });
-        let slope = 2.0 * height / nearest;
+        let slope = height / nearest;
         let eye = matches!(eye_view.lines, Lines::FromAnchor);
         if !eye || nearest <= 0.0 || slope.is_nan() || slope > 0.25 {
             return window.clone();
@@ -494,7 +495,7 @@ impl PortalWalk {
         }
         for normal in [outline.normal, -outline.normal] {
             let plane = visibility_core::geometry::Plane::new(normal, 0.0);
-            self.sides.push(WindowPlane { plane, slope, slack: 2.0 * own + f64::MIN_POSITIVE });
+            self.sides.push(WindowPlane { plane, slope, slack: own * (1.0 + slope) + f64::MIN_POSITIVE });
         }
         Window { sides: start..self.sides.len() as u32, rectangle: window.rectangle, full_view: false }
     }
@@ -528,4 +529,58 @@ fn crossing(eye_view: &PortalView, outline: &Outline, vertices: &[DVec3]) -> Cro
     // Each eye of a ball must be on the same side.
     let error = error + eye_view.ball;
     eye_view.crossing(relative, outline.normal, outline.width, flaw, error)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Pose;
+    use visibility_testing::Random;
+
+    /// Windows through a portal whose plane may pass through the eye hold the points on lines from exact eyes
+    /// through exact vertices, wherever these are within their errors, which are large here. Half of an error
+    /// would not do.
+    #[test]
+    fn windows_seen_edge_on_hold_lines_from_exact_eyes() {
+        let mut random = Random(1);
+        let view = visibility_core::View::perspective(
+            Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z),
+            1.0,
+            1.0,
+            0.1,
+            f64::INFINITY,
+        );
+        let mut eye_view = PortalView::new(&view.unwrap()).unwrap();
+        let (mut walk, mut bounded) = (PortalWalk::default(), 0);
+        let window = Window { sides: 0..0, rectangle: [-1.0, 1.0, -1.0, 1.0], full_view: false };
+        for trial in 0..40_000 {
+            let mut large = || [0.0, 0.1, 0.1 * random.unit()][random.below(3)];
+            let (flaw, error, ball) = (large(), large(), large());
+            (eye_view.error, eye_view.ball) = (error, ball);
+            let outline = Outline { normal: DVec3::Z, error: flaw, flaw, width: 1.0 };
+            let slant = if random.one_in(2) { 0.0 } else { random.range(-0.1, 0.1) };
+            let vertices = [[1.0, 0.0, 0.0], [2.0, 0.5, slant], [2.0, -0.5, -slant]].map(DVec3::from);
+            walk.sides.clear();
+            walk.polygon.clear();
+            walk.polygon.extend(vertices.map(|at| Corner { at, edge: EdgeSource::End }));
+            let seen = walk.edge_on(&eye_view, &outline, &vertices, &window, flaw + error);
+            // Lines rise most from an eye that is low and near to a vertex that is high and near.
+            let mut off = |size: f64, x: f64| {
+                let angle = random.range(1.2, 1.6) * if random.one_in(2) { 1.0 } else { -1.0 };
+                DVec3::new(x * angle.cos(), 0.0, angle.sin()) * size
+            };
+            let eye = off(error, 1.0) + off(ball, 1.0);
+            let exact = vertices[trial % 3] + off(flaw, -1.0);
+            let point = eye + (exact - eye) * 10f64.powf(random.range(0.0, 3.0));
+            for side in &walk.sides[seen.sides.start as usize..seen.sides.end as usize] {
+                let (distance, margin) = (side.plane.signed_distance(point), side.margin(point.length()));
+                assert!(
+                    distance >= -margin * (1.0 + 1e-9),
+                    "trial {trial}: {point} is {distance} inside {side:?}"
+                );
+                bounded += 1;
+            }
+        }
+        assert!(bounded > 20_000, "{bounded} planes bound a window");
+    }
 }

@@ -3,6 +3,7 @@
 use super::view_planes::PortalView;
 use super::window_plane::{Corner, U, WindowPlane};
 use alloc::vec::Vec;
+use core::cmp::Ordering;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::view::ClipRow;
@@ -30,8 +31,8 @@ pub(super) fn rectangle_around(
     let mut bounds = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
     for corner in corners {
         let (w, dw) = value(&eye_view.rows[2], corner.at);
-        // A corner at or near the plane `w = 0` may project anywhere on the screen, and so may a NaN.
-        if w.is_nan() || dw.is_nan() || w <= 4.0 * dw {
+        // A corner that may be at the plane `w = 0` may project anywhere on the screen, and so may a NaN.
+        if w.partial_cmp(&dw) != Some(Ordering::Greater) {
             return outer;
         }
         for axis in 0..2 {
@@ -124,5 +125,53 @@ mod tests {
             found[round % 2] += sides.len();
         }
         assert!(found.iter().all(|&count| count > 5_000), "{found:?}");
+    }
+
+    /// Rectangles and their planes hold points seen through them, wherever the corners and the rows of the
+    /// view are within their errors, which are large here. Half of an error would not do.
+    #[test]
+    fn rectangles_hold_what_is_seen_through_exact_corners() {
+        let mut random = visibility_testing::Random(3);
+        let view =
+            View::from_clip_from_world(DMat4::IDENTITY, visibility_core::view::Depth::ZeroToOne).unwrap();
+        let mut eye_view = PortalView::new(&view).unwrap();
+        let (mut sides, mut counts) = (Vec::new(), [0; 2]);
+        for trial in 0..40_000 {
+            let linear = [random.vector(1.0), random.vector(1.0), DVec3::X + random.vector(0.5)];
+            // Only some of the errors are large, so that none hides another.
+            let mut large = || if random.one_in(2) { random.unit() * random.unit() } else { 0.0 };
+            let errors = [large(), large(), large()];
+            let error = large();
+            eye_view.rows = [0, 1, 2].map(|i| ClipRow { linear: linear[i], constant: 0.0, error: errors[i] });
+            let at = random.vector(1.0) + DVec3::X;
+            let toward = linear[random.below(3)] * if random.one_in(2) { 1.0 } else { -1.0 };
+            let off = if random.one_in(4) { random.vector(0.5) } else { toward.normalize() };
+            let exact = at + off * error;
+            let [x, y, w] = [0, 1, 2].map(|i| {
+                let off = [1.0, -1.0, random.range(-1.0, 1.0)][random.below(3)];
+                linear[i].dot(exact) + errors[i] * off
+            });
+            let corner = Corner { at, edge: super::super::window_plane::EdgeSource::End };
+            let outer = [f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY];
+            let rectangle = rectangle_around(&eye_view, &[corner], error, outer);
+            if rectangle != outer {
+                let [left, right, bottom, top] = rectangle;
+                let (x, y) = (x / w, y / w);
+                assert!(w > 0.0, "trial {trial}: a corner behind the eye");
+                assert!(left <= x && x <= right, "trial {trial}: {x} is in {rectangle:?}");
+                assert!(bottom <= y && y <= top, "trial {trial}: {y} is in {rectangle:?}");
+                counts[0] += 1;
+            }
+            // Planes of the rectangle around the exact place hold the point.
+            if w > 0.0 {
+                sides.clear();
+                push_rectangle_planes(&eye_view, [x / w, x / w, y / w, y / w], &mut sides);
+                for side in &sides {
+                    assert!(!side.excludes(exact, exact, 0.0), "trial {trial}: {exact} is outside {side:?}");
+                    counts[1] += 1;
+                }
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 10_000), "{counts:?}");
     }
 }

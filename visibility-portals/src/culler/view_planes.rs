@@ -181,6 +181,23 @@ mod tests {
     }
 
     #[test]
+    fn errors_of_eyes_and_directions_are_those_of_the_projection() {
+        let error = |view: &View| ViewProjection::new(view, DVec3::ZERO).eye_error();
+        let perspective = view([DVec3::X, DVec3::Y, DVec3::Z], [1e6, 2e6, 3e6]).unwrap();
+        let found = PortalView::new(&perspective).unwrap();
+        assert!(error(&perspective) > 0.0, "an eye far from the origin has an error");
+        assert_eq!((found.error, found.lines), (error(&perspective), Lines::FromAnchor), "of the eye");
+        let rows = [DVec4::new(0.3, 0.4, 0.5, 0.0), DVec4::Y, DVec4::new(0.0, 0.0, 0.1, 0.5), DVec4::W];
+        let matrix = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
+        let parallel = View::from_clip_from_world(matrix, Depth::ZeroToOne).unwrap();
+        let Lines::Along(_, turn) = PortalView::new(&parallel).unwrap().lines else {
+            panic!("parallel lines")
+        };
+        assert!(turn > 0.0, "the direction has an error");
+        assert_eq!(turn, error(&parallel), "of the direction");
+    }
+
+    #[test]
     fn parallel_lines_of_sight_are_within_their_turn_of_the_direction() {
         let mut random = Random(4);
         let (mut found, mut greatest) = (0, 0.0f64);
@@ -249,5 +266,70 @@ mod tests {
             counts[crossing as usize] += 1;
         }
         assert!(counts.iter().all(|&count| count > 1000), "{counts:?}");
+    }
+
+    /// The direction is undecided where the exact eye may be on either side of the exact polygon, whose
+    /// errors are large here. Half of an error would not do.
+    #[test]
+    fn eyes_within_the_error_of_a_polygon_are_on_neither_side() {
+        let wide = view([DVec3::X, DVec3::Y, DVec3::Z], [0.0; 3]).unwrap();
+        let eye_view = PortalView::new(&wide).unwrap();
+        let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let at = |height: f64, flaw: f64, error: f64| {
+            let vertices = triangle.map(|p| p + DVec3::new(0.0, 0.0, height));
+            eye_view.crossing(vertices.into_iter(), DVec3::Z, 0.5, flaw, error)
+        };
+        for (height, error, expected) in [
+            (0.09, 0.1, Crossing::Undecided),
+            (-0.09, 0.1, Crossing::Undecided),
+            (0.11, 0.1, Crossing::Along),
+            (-0.11, 0.1, Crossing::Against),
+        ] {
+            assert_eq!(at(height, 0.0, error), expected, "{height} above the eye, off by {error}");
+        }
+    }
+
+    /// Planes through edges hold the points that are seen past the exact edges by exact eyes, wherever these
+    /// are within their errors, which are large here. Half of an error would not do.
+    #[test]
+    fn planes_of_edges_hold_what_is_seen_past_the_exact_edges() {
+        let mut random = visibility_testing::Random(1);
+        let wide = view([DVec3::X, DVec3::Y, DVec3::Z], [0.0; 3]).unwrap();
+        let mut eye_view = PortalView::new(&wide).unwrap();
+        let mut counts = [0; 3];
+        for trial in 0..60_000 {
+            let kind = trial % 3;
+            let [a, b] = [0; 2].map(|_| random.vector(1.0));
+            let direction = random.vector(1.0).normalize();
+            let [error, turn, ball] = [0; 3].map(|_| random.range(0.0, 0.1) * random.unit());
+            eye_view.ball = if kind == 1 { ball } else { 0.0 };
+            eye_view.lines = if kind == 2 { Lines::Along(direction, turn) } else { Lines::FromAnchor };
+            let unit = if kind == 2 { direction.cross(b - a) } else { a.cross(b) }.normalize();
+            let mut off = |size: f64| {
+                size * match random.below(3) {
+                    0 => unit,
+                    1 => -unit,
+                    _ => random.vector(1.0).clamp_length_max(1.0),
+                }
+            };
+            // The exact edge, an exact eye, the exact middle of the ball of eyes, and a direction.
+            let (p, q, middle) = (a + off(error), b + off(error), off(error));
+            let (eye, exact) = (middle + off(eye_view.ball), direction + off(turn));
+            // A point in the plane of the eye, or the direction, and the edge.
+            let size = 10f64.powf(random.range(-3.0, 3.0));
+            let [along, aside] = [0; 2].map(|_| random.range(-size, size));
+            let point = match kind {
+                2 => p + (q - p) * along + exact * aside,
+                _ => eye + (p + middle - eye) * along + (q + middle - eye) * aside,
+            };
+            let Some(side) = eye_view.through_edge(a, b, 1.0, error) else { continue };
+            let (distance, margin) = (side.plane.signed_distance(point), side.margin(point.length()));
+            assert!(
+                distance >= -margin * (1.0 + 1e-9),
+                "trial {trial}: {point} is {distance} inside, past {a}, {b}"
+            );
+            counts[kind] += 1;
+        }
+        assert!(counts.iter().all(|&count| count > 5_000), "planes: {counts:?}");
     }
 }

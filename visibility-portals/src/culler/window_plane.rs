@@ -82,7 +82,8 @@ impl WindowPlane {
         // Let `direction'` be the exact direction, `u` the unit round-off 2^-53, and `r` the error of `b -
         // a`, at most `2 error` long. The exact normal is `direction' x (b - a + r)`; the computed normal is
         // off by at most `2 error + |b - a| (turn + 8u)`. For a point `x` this error is multiplied by its
-        // distance from `a`, at most `|x| + |a|`.
+        // distance from the exact `a`, at most `|x| + |a| + error`. The exact `a` is in the exact plane, and
+        // off the computed one by `error`.
         let normal = direction.cross(b - a);
         let length = normal.length();
         let off = 2.0 * error + (b - a).length() * (turn + 8.0 * U);
@@ -90,7 +91,7 @@ impl WindowPlane {
         (slope < USELESS).then(|| {
             let unit = normal * (sign / length);
             let offset = -unit.dot(a);
-            let slack = slope * a.length() + 2.0 * error + 8.0 * U * a.length() + f64::MIN_POSITIVE;
+            let slack = (slope + 8.0 * U) * a.length() + error * (1.0 + slope) + f64::MIN_POSITIVE;
             Self { plane: Plane::new(unit, offset), slope, slack }
         })
     }
@@ -109,8 +110,9 @@ impl WindowPlane {
         let n = self.plane.normal;
         let far = DVec3::select(n.cmpge(DVec3::ZERO), max, min);
         let reach = min.abs().max(max.abs());
-        // The sum of the absolute coordinates is at least the length.
-        self.plane.signed_distance(far) < -(self.margin(reach.x + reach.y + reach.z) + error)
+        // The sum of the absolute coordinates is at least the length. The exact point may be farther off by
+        // its error.
+        self.plane.signed_distance(far) < -(self.margin(reach.x + reach.y + reach.z + error) + error)
     }
 }
 
@@ -152,8 +154,9 @@ pub(super) fn clip_corners(
     // Let an exact point `x` of the polygon be inside the exact half-space, so that `n . x + o >= -margin`
     // with the stored normal `n`, the stored offset `o` and the plane's margin. The polygon that `corners`
     // span has a point `y` within `error` of `x`, for which `n . y + o >= -(margin + error)`: clipping to the
-    // plane moved outwards by that sum keeps `y`. Computing the distance of a corner rounds by `8u` (`u` =
-    // 2^-53) of its distance from the anchor, its reach. This is added once for the corner that is dropped,
+    // plane moved outwards by that sum keeps `y`. The margin is that of `x`, which may be farther from the
+    // anchor than `y` by `error`. Computing the distance of a corner rounds by `8u` (`u` = 2^-53) of its
+    // distance from the anchor, its reach. This is added once for the corner that is dropped,
     // and once more for the position of the crossing. The crossing is off the edge by rounding only, `4u` of
     // the reach, which is added to `error`.
     out.clear();
@@ -161,7 +164,7 @@ pub(super) fn clip_corners(
         let at = corner.at.abs();
         reach.max(at.x + at.y + at.z)
     });
-    let moved = side.margin(reach) + *error + 16.0 * U * (reach + side.plane.offset.abs());
+    let moved = side.margin(reach + *error) + *error + 16.0 * U * (reach + side.plane.offset.abs());
     let height = |corner: &Corner| side.plane.signed_distance(corner.at) + moved;
     let mut a = match corners.first() {
         Some(first) => (*first, height(first)),
@@ -189,4 +192,64 @@ pub(super) fn clip_corners(
         *error += 8.0 * U * reach;
     }
     !out.is_empty()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec::Vec;
+    use visibility_testing::Random;
+
+    /// Returns one of the two unit vectors along `axis`, or a vector of random direction and of a length up
+    /// to 1.
+    fn off(random: &mut Random, axis: DVec3) -> DVec3 {
+        match random.below(3) {
+            0 => axis,
+            1 => -axis,
+            _ => random.vector(1.0).clamp_length_max(1.0),
+        }
+    }
+
+    /// The error of a plane of the view, which is large here, is part of what is not outside of the plane.
+    #[test]
+    fn planes_of_the_view_have_its_error() {
+        let view = ViewPlane { plane: Plane::new(DVec3::X, 1.0), error: 0.5 };
+        let side = WindowPlane::of_view(&view);
+        for (x, is_outside) in [(-1.49, false), (-1.51, true)] {
+            let at = DVec3::new(x, 0.0, 0.0);
+            assert_eq!(side.excludes(at, at, 0.0), is_outside, "a point at {x}");
+        }
+    }
+
+    /// A polygon and a box are not outside of a plane on whose inner side they have an exact point, off by
+    /// the error.
+    #[test]
+    fn polygons_and_boxes_with_exact_points_inside_are_not_outside() {
+        let mut random = Random(2);
+        let (mut out, mut met) = (Vec::new(), 0);
+        for trial in 0..200_000 {
+            let (slope, slack) = (random.range(0.0, USELESS) * random.unit(), 0.1 * random.unit());
+            let normal = random.vector(1.0).normalize();
+            let plane = Plane::new(normal, random.range(-1.0, 1.0));
+            let side = WindowPlane { plane, slope, slack };
+            // The anchor's axes are where the sum of coordinates is the distance.
+            let axis = DVec3::AXES[random.below(3)];
+            let at = (axis - normal * (normal.dot(axis))) * random.range(-3.0, 3.0)
+                + normal * random.range(-2.0, 2.0);
+            // Half of the points are nearer to the anchor than their error.
+            let at = at * if random.one_in(2) { random.unit().powi(4) } else { 1.0 };
+            let mut error = random.unit();
+            let aside = normal + at.normalize() * random.range(0.0, 0.5);
+            let exact = at + off(&mut random, aside.normalize()) * error;
+            if side.plane.signed_distance(exact) < -side.margin(exact.length()) {
+                continue;
+            }
+            assert!(!side.excludes(at, at, error), "trial {trial}: a box at {at}, off by {error}, {side:?}");
+            let corner = Corner { at, edge: EdgeSource::End };
+            let is_left = clip_corners(&[corner; 3], &side, EdgeSource::End, &mut error, &mut out);
+            assert!(is_left, "trial {trial}: a polygon at {at}, off by {error}, {side:?}");
+            met += 1;
+        }
+        assert!(met > 10_000, "{met} points are inside");
+    }
 }

@@ -230,8 +230,12 @@ impl Tree {
     /// Compiles the tests of the crate. Returns their programs, or the files and bytes of the errors.
     #[allow(clippy::type_complexity)]
     fn compile(&self) -> Result<(Vec<Program>, Vec<(String, Range<usize>)>), String> {
+        let manifest = self.copy.join(&self.package).join("Cargo.toml");
+        let manifest = std::fs::read_to_string(manifest).unwrap_or_default();
+        // Code and tests of systems that lose are compiled as well, as `cargo test --workspace` does.
+        let papers = if manifest.contains("\npapers = ") { "--features=papers" } else { "--features=" };
         let output = Command::new("cargo")
-            .args(["test", "--no-run", "--lib", "--tests", "--locked", "--message-format=json", "-p"])
+            .args(["test", "--no-run", "--lib", "--tests", "--locked", "--message-format=json", papers, "-p"])
             .arg(&self.package)
             .args(&self.features)
             .current_dir(&self.copy)
