@@ -68,11 +68,19 @@ fn options(arguments: &[String]) -> Result<Options, String> {
 /// Returns a wrong argument, a file that cannot be read or written, and a crate that does not compile.
 pub(crate) fn check(root: &Path, arguments: &[String]) -> Result<usize, String> {
     let options = options(arguments)?;
-    let mut mutants = Vec::new();
+    let (mut mutants, mut tests) = (Vec::new(), Vec::new());
+    let mut texts = Vec::new();
     for file in sites::source_files(root, &options.package)? {
-        if options.files.is_empty() || options.files.contains(&file) {
-            let text =
-                std::fs::read_to_string(root.join(&file)).map_err(|error| format!("{file}: {error}"))?;
+        let text = std::fs::read_to_string(root.join(&file)).map_err(|error| format!("{file}: {error}"))?;
+        tests.extend(sites::test_modules(&file, &text));
+        texts.push((file, text));
+    }
+    let is_test = |file: &str| {
+        let module = |test: &String| file.strip_prefix(test.as_str());
+        tests.iter().filter_map(module).any(|rest| rest == ".rs" || rest.starts_with('/'))
+    };
+    for (file, text) in texts {
+        if !is_test(&file) && (options.files.is_empty() || options.files.contains(&file)) {
             let sites = sites::sites(&text).map_err(|error| format!("{file}: {error}"))?;
             mutants.extend(schemata::mutants(&file, &text, &sites));
         }

@@ -47,6 +47,21 @@ pub(crate) fn source_files(root: &Path, package: &str) -> Result<Vec<String>, St
     Ok(names)
 }
 
+/// Returns where the modules without a body of a source file are that are compiled for tests alone: paths
+/// relative to the root, without `.rs`.
+pub(crate) fn test_modules(file: &str, text: &str) -> Vec<String> {
+    let items = syn::parse_file(text).map(|file| file.items).unwrap_or_default();
+    let folder = match file.rsplit_once('/') {
+        Some((folder, "mod.rs" | "lib.rs" | "main.rs")) => folder,
+        _ => file.trim_end_matches(".rs"),
+    };
+    let names = items.iter().filter_map(|item| match item {
+        Item::Mod(module) if module.content.is_none() && is_test(&module.attrs) => Some(&module.ident),
+        _ => None,
+    });
+    names.map(|name| format!("{folder}/{name}")).collect()
+}
+
 /// Returns the sites of Rust source text in order, or an error if the text is not Rust. Tests, constants and
 /// code in macros have none: only what runs can be switched from one mutation to the next.
 pub(crate) fn sites(text: &str) -> Result<Vec<Site>, String> {
@@ -267,7 +282,14 @@ impl<'ast> Visit<'ast> for Finder<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::sites;
+    use super::{sites, test_modules};
+
+    #[test]
+    fn modules_of_tests_are_found() {
+        let text = "mod a; #[cfg(test)] mod b; #[cfg(test)] mod c { fn f() {} }";
+        assert_eq!(test_modules("x/src/y/mod.rs", text), ["x/src/y/b"], "modules of a folder");
+        assert_eq!(test_modules("x/src/y.rs", text), ["x/src/y/b"], "modules of a file");
+    }
 
     #[test]
     fn sites_are_what_decides() {
