@@ -158,8 +158,8 @@ mod tests {
         }
     }
 
-    /// Positions of few digits, moved by up to `delta` to where the side changes most. Some are as near to each
-    /// other as that.
+    /// Positions of few digits, moved by up to `delta` to where the side changes most. Some are as near to
+    /// each other as that.
     #[test]
     fn sides_that_moved_positions_change_are_unsure() {
         let mut random = Random(5);

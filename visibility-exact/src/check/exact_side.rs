@@ -90,8 +90,8 @@ mod tests {
         i32::from(value > error) - i32::from(value < -error)
     }
 
-    /// Positions of few digits, so that determinants are exact, moved by up to `delta` to where the determinant
-    /// changes most.
+    /// Positions of few digits, so that determinants are exact, moved by up to `delta` to where the
+    /// determinant changes most.
     #[test]
     fn sides_that_moved_positions_change_are_unsure() {
         let mut random = Random(71);

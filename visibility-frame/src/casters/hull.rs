@@ -70,10 +70,10 @@ const EPSILON: f64 = f64::EPSILON;
 impl Source {
     fn facet(&self, slot: u8, view_plane: &ViewPlane) -> Facet {
         let ViewPlane { plane, error: offset_error } = *view_plane;
-        // Each component of the exact normal is within 8 epsilon of the stored one. A sum of planes rounds by 1
-        // epsilon of their magnitudes, also where components cancel, and its scaling by half of one: see
-        // `toward` and `settle`. The bounds on errors round by 4 of themselves, and a bound above 1.5 times all
-        // magnitudes admits every point.
+        // Each component of the exact normal is within 8 epsilon of the stored one. A sum of planes rounds by
+        // 1 epsilon of their magnitudes, also where components cancel, and its scaling by half of one: see
+        // `toward` and `settle`. The bounds on errors round by 4 of themselves, and a bound above 1.5 times
+        // all magnitudes admits every point.
         let normal_error = plane.normal.abs() * (16.0 * EPSILON);
         // The light is rounded by half an epsilon when it is made relative to the scene; products and sums
         // are rounded by 3 epsilon, as in `Plane::error_bound`. With the 8 epsilon of the normal, that is 12
@@ -285,8 +285,8 @@ mod tests {
             let volume: SmallVec<[(u8, ViewPlane); 6]> = (0..)
                 .zip(sides.as_flattened())
                 .map(|(slot, &(normal, at))| {
-                    // A third of the volumes have exact planes, and a third have offsets that are off by their
-                    // errors. The normals of these are no unit vectors.
+                    // A third of the volumes have exact planes, and a third have offsets that are off by
+                    // their errors. The normals of these are no unit vectors.
                     let offset = -normal.dot(at);
                     let error = [0.0, normal.abs().element_sum()][round / 2 % 2];
                     if round / 2 % 3 != 0 {

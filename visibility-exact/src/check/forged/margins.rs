@@ -216,8 +216,9 @@ fn corners_within_the_errors_of_positions_are_refused() {
     }
 }
 
-/// Three edges around a line, all next to one point of it. The line passes inside of each, and outside of each
-/// once all ends have moved by their error: then the products of ends and directions are wrong, and nothing else.
+/// Three edges around a line, all next to one point of it. The line passes inside of each, and outside of
+/// each once all ends have moved by their error: then the products of ends and directions are wrong, and
+/// nothing else.
 #[test]
 fn corners_at_a_point_within_the_errors_of_positions_are_refused() {
     const DELTA: f64 = 1.0 / 256.0;

@@ -42,8 +42,8 @@
 //! | `node`: cuts by planes | `viewcells_are_split_by_planes_of_one_sided_triangles` |
 //!
 //! Tests of `rings` and `surface_margins` ask for single conditions just inside and just outside of their
-//! margins. Two conditions have only such tests, and no forged proof: that a triangle in `touches_beside` has a
-//! corner that is not the target's, and that no end of a line in `crosses` is on the plane of a triangle.
+//! margins. Two conditions have only such tests, and no forged proof: that a triangle in `touches_beside` has
+//! a corner that is not the target's, and that no end of a line in `crosses` is on the plane of a triangle.
 
 mod loops;
 mod margins;

@@ -85,8 +85,8 @@ fn occluders_that_show_their_back_to_some_viewpoints_are_refused() {
     }
 }
 
-/// A corner that is one of the target's, by number and position. The target's plane is tilted, so that heights
-/// over it are rounded.
+/// A corner that is one of the target's, by number and position. The target's plane is tilted, so that
+/// heights over it are rounded.
 #[test]
 fn corners_of_the_target_are_at_their_positions() {
     let target = [[80.0, 2.0, 2.0], [80.5, 6.0, 2.0], [80.25, 4.0, 6.0]];

@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// A viewcell with x from -80 to -72, [`TARGET`], and a wall at x = 0 that hides the target, with the error of
-/// positions.
+/// A viewcell with x from -80 to -72, [`TARGET`], and a wall at x = 0 that hides the target, with the error
+/// of positions.
 fn world() -> (World, f64) {
     let wall = WALL.map(|[_, y, z]| [0.0, y, z]);
     let mut world = World::new(TARGET, &[wall]);
@@ -62,8 +62,8 @@ fn triangles_at_the_target_are_off_its_plane_and_off_the_line() {
     let (world, delta) = world();
     let (check, sight) = world.node_from(-DVec3::X);
     let end = DVec3::new(80.0, 4.0, 3.0);
-    // Returns whether a triangle in a plane along x holds, with two corners before the target's plane, and this
-    // plane beside the end of the line.
+    // Returns whether a triangle in a plane along x holds, with two corners before the target's plane, and
+    // this plane beside the end of the line.
     let holds = |heights: [f64; 2], beside: f64| {
         let y = end.y + beside;
         let corner = |height: f64, z: f64| DVec3::new(80.0 - height, y, z);
@@ -97,8 +97,8 @@ fn a_triangle_of_corners_of_the_target_is_on_no_side_of_it() {
     }
 }
 
-/// With a clearance, viewpoints on the plane of a one-sided triangle are before it if the plane is perpendicular
-/// to an axis, and only then.
+/// With a clearance, viewpoints on the plane of a one-sided triangle are before it if the plane is
+/// perpendicular to an axis, and only then.
 #[test]
 fn fronts_in_the_plane_of_viewpoints_are_faced_with_a_clearance() {
     let [a, b, c] = WALL.map(|[_, y, z]| [-72.0, y, z]);
@@ -184,8 +184,8 @@ fn surfaces_through_the_planes_of_both_polygons_hold() {
     assert!(check.surface_blocks(&sight, &[1, 2], &[], line), "a wall, and a triangle beside the viewcell");
 }
 
-/// Edges that lines pass on both sides, and no segment meets: behind the viewcell, behind the target, and from a
-/// corner of the target to behind it.
+/// Edges that lines pass on both sides, and no segment meets: behind the viewcell, behind the target, and
+/// from a corner of the target to behind it.
 #[test]
 fn edges_beyond_the_ends_of_segments_are_missed() {
     let (world, _) = world();
