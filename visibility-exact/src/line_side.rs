@@ -158,6 +158,34 @@ mod tests {
         }
     }
 
+    /// Positions of few digits, moved by up to `delta` to where the side changes most. Some are as near to
+    /// each other as that.
+    #[test]
+    fn sides_that_moved_positions_change_are_unsure() {
+        let mut random = Random(5);
+        let exact = |p: DVec3, q: DVec3, a: DVec3, b: DVec3| (q - p).dot((a - p).cross(b - p));
+        let mut changed = 0;
+        for round in 0..100_000 {
+            let mut int = |r: i32| DVec3::from_array([(); 3].map(|()| f64::from(random.between(-r, r))));
+            let p = int(6);
+            let near = [6, 1, 0][round % 3];
+            let (q, a, b) = (p + int(near), p + int(6), p + int(6));
+            let delta = [0.125, 0.25, 0.5, 1.0][round % 4];
+            let value = exact(p, q, a, b);
+            let (r, u, w) = (q - p, a - p, b - p);
+            let slopes = [w.cross(r), r.cross(u), u.cross(w), (b - q).cross(a - q)];
+            let by = slopes.map(|slope| slope.signum() * (-value.signum() * delta));
+            let moved = exact(p + by[3], q + by[2], a + by[0], b + by[1]);
+            changed += u32::from(value * moved < 0.0);
+            let found = sign(side(p, q, a, b, delta));
+            assert!(
+                value * moved > 0.0 || found == 0,
+                "{round}: {value} becomes {moved} by moves of {delta}"
+            );
+        }
+        assert!(changed > 1000, "{changed} sides change");
+    }
+
     /// Coordinates are integers of up to 40 bits, and sides are compared with exact determinants of 128 bits.
     #[test]
     fn sides_are_within_their_bounds_of_exact_ones() {

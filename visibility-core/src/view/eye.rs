@@ -33,7 +33,7 @@ pub(super) fn eye_of(m: &DMat4, depth: Depth) -> Eye {
     let rows = [m.row(0), m.row(1), m.row(3)].map(scaled_by_power_of_two);
     let eye = orthogonal(rows, |a, b| a - b);
     let position = eye.truncate() / eye.w;
-    if eye.w != 0.0 && position.is_finite() {
+    if position.is_finite() {
         return Eye::Point(position);
     }
     // The rays of a parallel projection run along the direction that the three rows map to zero. Of its two
@@ -107,4 +107,119 @@ fn orthogonal([a, b, c]: [DVec4; 3], subtract: impl Fn(f64, f64) -> f64) -> DVec
     };
     let negative = subtract(0.0, 1.0);
     DVec4::new(minor(1, 2, 3), negative * minor(0, 2, 3), minor(0, 1, 3), negative * minor(0, 1, 2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::DoubleDouble;
+    use visibility_testing::Random;
+
+    fn matrix(rows: [DVec4; 4]) -> DMat4 {
+        DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose()
+    }
+
+    fn whole(random: &mut Random, size: i32) -> DVec3 {
+        DVec3::from_array([(); 3].map(|()| f64::from(random.between(-size, size))))
+    }
+
+    /// Rows that are nearly parallel, of integers, so that the eye of the matrix is known.
+    #[test]
+    fn a_point_is_within_its_bound_of_the_eye() {
+        let mut random = Random(51);
+        let (mut off, mut certain) = (0, 0);
+        for round in 0..20_000 {
+            let (eye, common) = (whole(&mut random, 1 << 20), whole(&mut random, 1 << 24));
+            let spread = 1 << random.between(1, 24);
+            let rows = [(); 4].map(|()| {
+                let row = common + whole(&mut random, spread);
+                row.extend(-row.dot(eye))
+            });
+            let m = matrix(rows);
+            let found = eye_of(&m, Depth::ZeroToOne);
+            let bound = eye_error(&m, found, DVec3::ZERO, DVec3::ZERO);
+            let Eye::Point(at) = found else { continue };
+            let distance = at.distance(eye);
+            assert!(distance <= bound, "{round}: {at} is {distance} m off {eye}, of at most {bound}");
+            certain += u32::from(bound < f64::INFINITY);
+            off += u32::from(bound < f64::INFINITY && distance > bound / 64.0);
+        }
+        assert!(certain > 10_000 && off > 500, "{certain} with a bound, {off} not far below it");
+        // Rows of which one is the sum of the others have no point: `w` of the eye is 0 but for rounding.
+        let mut rounded = 0;
+        for round in 0..1000 {
+            let [x, y] = [(); 2].map(|()| (random.fine_vector(1.0) * 2f64.powi(40)).round());
+            let rows = [x.extend(1.0), y.extend(2.0), DVec4::new(0.3, 0.7, 0.9, 0.0), (x + y).extend(1.0)];
+            let m = matrix(rows);
+            let found = eye_of(&m, Depth::ZeroToOne);
+            rounded += u32::from(matches!(found, Eye::Point(_)));
+            let bound = eye_error(&m, found, DVec3::ZERO, DVec3::ZERO);
+            assert_eq!(bound, f64::INFINITY, "{round}: {found:?} of rows in one plane");
+        }
+        assert!(rounded > 100, "{rounded} matrices that rounding gives a point");
+    }
+
+    /// The eye relative to a far origin: sums of the eye and the difference of origins are rounded.
+    #[test]
+    fn a_point_is_within_its_bound_of_the_eye_from_far_origins() {
+        let mut random = Random(52);
+        for round in 0..5000 {
+            let [view_origin, origin] = [(); 2].map(|()| random.fine_vector(1e9));
+            let eye = whole(&mut random, 100);
+            let row = |linear: DVec3| linear.extend(-linear.dot(eye));
+            let m = matrix([row(DVec3::X), row(DVec3::Y), row(DVec3::ONE), row(DVec3::Z)]);
+            let found = eye_of(&m, Depth::ZeroToOne);
+            assert_eq!(found, Eye::Point(eye), "{round}: the eye from the view's origin");
+            let at = eye + (view_origin - origin);
+            let off = DVec3::from_array([0, 1, 2].map(|k| {
+                let exact = DoubleDouble::difference(view_origin[k], origin[k]).plus(eye[k].into());
+                exact.plus((-at[k]).into()).hi
+            }));
+            let bound = eye_error(&m, found, view_origin, origin);
+            assert!(off.length() <= bound, "{round}: {at} is {} m off, of at most {bound}", off.length());
+            assert!(bound < 1e-5, "{round}: the bound is {bound} m");
+        }
+        let m = matrix([DVec4::X, DVec4::Y, DVec4::ONE, DVec4::Z]);
+        let bound = eye_error(&m, eye_of(&m, Depth::ZeroToOne), DVec3::ZERO, DVec3::NAN);
+        assert_eq!(bound, f64::INFINITY, "from an origin that is no point");
+    }
+
+    /// Two nearly parallel rows of integers, whose cross product is the direction.
+    #[test]
+    fn a_direction_is_within_its_bound_or_unknown() {
+        let mut random = Random(53);
+        let (mut off, mut certain) = (0, 0);
+        for round in 0..20_000 {
+            let common = whole(&mut random, 1 << 28);
+            let spread = 1 << random.between(1, 24);
+            let [x, y] = [(); 2].map(|()| common + whole(&mut random, spread));
+            let [p, q] = [x, y].map(|v| v.to_array().map(|v| v as i128));
+            let exact = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| (p[i] * q[j] - p[j] * q[i]) as f64);
+            let exact = DVec3::from_array(exact).normalize_or_zero();
+            // The depth row is along the direction, or across it up to rounding.
+            let is_across = round % 2 == 1;
+            let depth = if is_across { x } else { exact };
+            let m = matrix([x.extend(3.0), y.extend(5.0), depth.extend(0.0), DVec4::W]);
+            let found = eye_of(&m, Depth::ZeroToOne);
+            let bound = eye_error(&m, found, DVec3::ZERO, DVec3::ZERO);
+            let Eye::Direction(along) = found else { continue };
+            if is_across {
+                assert_eq!(bound, f64::INFINITY, "{round}: depth does not grow along {along}");
+                continue;
+            }
+            let distance = along.distance(exact);
+            assert!(distance <= bound, "{round}: {along} is {distance} off {exact}, of at most {bound}");
+            certain += u32::from(bound < f64::INFINITY);
+            off += u32::from(bound < f64::INFINITY && distance > bound / 64.0);
+        }
+        assert!(certain > 5000 && off > 100, "{certain} with a bound, {off} not far below it");
+        // The third row is the sum of the first two in x, y and z: `w` of the eye is 0 without rounding, but
+        // it is a sum of terms that are not.
+        let rows = [[1.0, 0.0, 1.0, 0.0], [0.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 2.0, 1.0]];
+        let m = matrix(rows.map(DVec4::from_array));
+        let found = eye_of(&m, Depth::ZeroToOne);
+        assert!(matches!(found, Eye::Direction(_)), "{found:?} of three rows in one plane");
+        let bound = eye_error(&m, found, DVec3::ZERO, DVec3::ZERO);
+        assert_eq!(bound, f64::INFINITY, "a direction that may be a point");
+    }
 }

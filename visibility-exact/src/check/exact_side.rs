@@ -82,7 +82,75 @@ pub(super) fn is_before(x: DVec3, [a, b, c]: [DVec3; 3], slack: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::surface::crosses;
     use super::*;
+    use visibility_testing::Random;
+
+    fn sign((value, error): (f64, f64)) -> i32 {
+        i32::from(value > error) - i32::from(value < -error)
+    }
+
+    /// Positions of few digits, so that determinants are exact, moved by up to `delta` to where the
+    /// determinant changes most.
+    #[test]
+    fn sides_that_moved_positions_change_are_unsure() {
+        let mut random = Random(71);
+        let exact = |p: DVec3, q: DVec3, a: DVec3, b: DVec3| (q - p).dot((a - p).cross(b - p));
+        let mut changed = 0;
+        for round in 0..100_000 {
+            let mut int = || DVec3::from_array([(); 3].map(|()| f64::from(random.between(-6, 6))));
+            let (p, q, a, b) = (int(), int(), int(), int());
+            let delta = [0.125, 0.25, 0.5, 1.0][round % 4];
+            let value = exact(p, q, a, b);
+            // The derivatives by a, b, q and p.
+            let slopes = [(q - p, b - p), (a - p, q - p), (a - p, b - p), (b - q, a - q)];
+            let slopes = slopes.map(|(x, y)| x.cross(y));
+            let slopes = [-slopes[0], -slopes[1], slopes[2], slopes[3]];
+            let by = slopes.map(|slope| slope.signum() * (-value.signum() * delta));
+            let moved = exact(p + by[3], q + by[2], a + by[0], b + by[1]);
+            changed += u32::from(value * moved < 0.0);
+            if value * moved <= 0.0 {
+                let found = [side, quick_side].map(|side| sign(side(p, q, a, b, delta)));
+                assert_eq!(found, [0; 2], "{round}: {value} becomes {moved} by moves of {delta}");
+            }
+        }
+        assert!(changed > 1000, "{changed} sides change");
+    }
+
+    /// Four points in a plane, in integers of 53 bits, so that the determinant is 0 up to rounding.
+    #[test]
+    fn sides_of_points_in_a_plane_are_unsure() {
+        let mut random = Random(72);
+        let mut rounded = [0; 4];
+        for round in 0..10_000 {
+            let mut int = |bits: u32| {
+                DVec3::from_array([(); 3].map(|()| ((random.bits() as i64) >> (64 - bits)) as f64))
+            };
+            let (u, w, parts) = (int(40), int(40), int(11));
+            let r = u * parts.x + w * parts.y;
+            let found = [side, quick_side].map(|side| side(DVec3::ZERO, r, u, w, 0.0));
+            assert_eq!(found.map(sign), [0; 2], "{round}: {r} {u} {w}");
+            assert!(!is_before(DVec3::ZERO, [r, u, w], 0.0), "{round}: a point in the plane of a triangle");
+            // Off the plane by so little that `f64` does not decide the side.
+            let beside = [side, quick_side].map(|side| side(DVec3::ZERO, r + DVec3::X, u, w, 0.0));
+            assert_eq!(sign(beside[0]), sign(beside[1]), "{round}: sides beside {r} {u} {w}");
+            let far = [side, quick_side].map(|side| side(DVec3::ZERO, r + u.cross(w), u, w, 0.0));
+            assert!((far[0].0 - far[1].0).abs() <= far[1].1, "{round}: {far:?}");
+            rounded[2] += u32::from(far[0].0 != far[1].0);
+            // The line through a point of an edge crosses no triangle at this edge for sure.
+            let third = DVec3::splat(-1.0) * (u + w) + u.cross(w) * 2f64.powi(-45);
+            for k in 0..6 {
+                let mut t = if k < 3 { [u, w, third] } else { [w, u, third] };
+                t.rotate_left(k % 3);
+                let found = crosses([DVec3::ZERO, r], &t);
+                assert_ne!(found, Some(true), "{round}: {r} meets an edge of {t:?}");
+                rounded[3] += u32::from(found.is_none());
+            }
+            rounded[0] += u32::from(found[0].0 != 0.0);
+            rounded[1] += u32::from(r.dot(u.cross(w)) != 0.0);
+        }
+        assert!(rounded.iter().all(|&rounded| rounded > 1000), "{rounded:?} are rounded");
+    }
 
     /// A corner of a viewcell 3e-11 m before the plane of a triangle, from a proof of a village: the
     /// determinant is 4.66e-12, and its error in `f64` 4e-12.

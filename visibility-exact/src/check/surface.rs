@@ -30,10 +30,9 @@ impl Check<'_> {
         // plane, and a line from or to such a point could pass below these corners where other segments do
         // not. The start is in front of the plane if its height is above the error of heights. With delta the
         // error of positions, the end is up to delta behind the plane, so it is moved by 1.25 delta, which is
-        // surely more. The end is still nearer to Q than triangles that are apart from Q, by 3 delta.
+        // surely more. The end is still nearer to Q than triangles that are apart from Q, by almost 3 delta.
         let from_before = sight.before_q.height(line[0]) > 3.0 * self.delta;
-        let lift = if self.clearance == 0.0 { 1.25 * self.delta } else { 0.0 };
-        let line = [line[0], line[1] + sight.before_q.normal * lift];
+        let line = [line[0], line[1] + sight.before_q.normal * (1.25 * self.delta)];
         let moved: BTreeMap<u32, DVec3> = moved.iter().copied().collect();
         let mut boundary: BTreeMap<[u32; 2], [DVec3; 2]> = BTreeMap::new();
         let mut is_odd = false;
@@ -79,11 +78,9 @@ impl Check<'_> {
             if !(self.is_apart(sight, &strip) || self.is_outside(sight, &strip)) {
                 return false;
             }
-            for t in [[a, b, d], [a, d, c]] {
-                let has_area = t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
-                if has_area && !count(&t) {
-                    return false;
-                }
+            // A triangle with two equal corners is not crossed, unless the line may meet it.
+            if ![[a, b, d], [a, d, c]].iter().all(&mut count) {
+                return false;
             }
         }
         is_odd
@@ -143,11 +140,10 @@ pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     let sign = |(value, error): (f64, f64)| i32::from(value > error) - i32::from(value < -error);
     let s: [i32; 3] = core::array::from_fn(|k| sign(quick_side(p, q, t[k], t[(k + 1) % 3], 0.0)));
     let ends = [p, q].map(|x| sign(quick_side(x, t[0], t[1], t[2], 0.0)));
-    let winds = s[0] != 0 && s[0] == s[1] && s[1] == s[2];
     if (s.contains(&1) && s.contains(&-1)) || ends[0] * ends[1] > 0 {
         Some(false)
     } else {
-        (winds && !ends.contains(&0)).then_some(true)
+        (!s.contains(&0) && !ends.contains(&0)).then_some(true)
     }
 }
 

@@ -178,9 +178,12 @@ fn edges_near_the_plane_of_a_face_are_in_it() {
             assert_eq!(on_a_side.contains(&true), !is_divided, "{x} {height}: {on_a_side:?}");
         }
         // An edge with only one end in the plane.
-        let edge = [(at(6.0, -5.0, 0.0), None), (at(6.0, 9.0, 1e-3), None)];
+        let [a, b] = [(at(6.0, -5.0, 0.0), None), (at(6.0, 9.0, 1e-3), None)];
         assert!(
-            [1.0, -1.0].iter().all(|&side| !check.is_on_side(&sight, &edge, side)),
+            [1.0, -1.0]
+                .iter()
+                .all(|&side| !check.is_on_side(&sight, &[a, b], side)
+                    && !check.is_on_side(&sight, &[b, a], side)),
             "an edge of which one end is in the plane"
         );
         // If the edge and all corners of both polygons are in one plane, the lines pass the edge on no side.

@@ -82,3 +82,40 @@ pub fn facing(triangle: &Triangle, eye: &Eye) -> Facing {
         Facing::Undecided
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Vec3;
+    use visibility_testing::Random;
+
+    /// Eyes in the plane of a triangle, at integers whose products take more digits than `f64` has.
+    #[test]
+    fn an_eye_in_the_plane_of_a_triangle_is_undecided() {
+        let mut random = Random(41);
+        let mut rounded = 0;
+        for round in 0..10_000 {
+            let mut whole =
+                |size: i32| DVec3::from_array([(); 3].map(|()| f64::from(random.between(-size, size))));
+            let (a, p, q) = (whole(1 << 22), whole(1 << 22), whole(1 << 22));
+            let parts = whole(1 << 20);
+            let along = p * parts.x + q * parts.y;
+            let triangle = [a, a + p, a + q].map(|corner| corner.as_vec3());
+            rounded += u32::from(p.cross(q).dot(along) != 0.0);
+            for eye in [Eye::Point(a + along), Eye::Direction(along)] {
+                assert_eq!(facing(&triangle, &eye), Facing::Undecided, "{round}: {triangle:?} from {eye:?}");
+            }
+        }
+        assert!(rounded > 3000, "{rounded} eyes that rounding takes off the plane");
+    }
+
+    /// A determinant and a bound that overflow, on either side of the triangle, say nothing.
+    #[test]
+    fn an_infinite_bound_is_undecided() {
+        let triangle = [Vec3::ZERO, Vec3::X * 1e38, Vec3::Y * 1e38];
+        for height in [1e300, -1e300] {
+            let eye = Eye::Point(DVec3::Z * height);
+            assert_eq!(facing(&triangle, &eye), Facing::Undecided, "from {height}");
+        }
+    }
+}

@@ -14,9 +14,9 @@ pub(crate) struct SplitEye {
     /// Factor by which the apex is multiplied before it is subtracted from the eye: 1 for an eye point, 0
     /// for a direction (parallel view).
     weight: f32,
-    /// Bound on the rounding and the uncertainty of the eye, to be multiplied by a cone's `margin`: `2u E +
-    /// 2^-100 + 5 r / (32 u)`, derived at [`inside`]. Here `u = 2^-24`, `E` is the sum of the magnitudes of
-    /// the eye's coordinates, and `r` the greatest distance of the true eye from this eye.
+    /// Bound on the uncertainty of the eye, to be multiplied by a cone's `margin`: `2^-100 + 5 r / (32 u)`,
+    /// derived at [`inside`]. Here `u = 2^-24`, and `r` is the greatest distance of the true eye from this
+    /// eye.
     blur: f32,
 }
 
@@ -37,10 +37,8 @@ impl SplitEye {
     pub(crate) fn around(p: DVec3, weight: f32, radius: f64) -> Self {
         let high = p.as_vec3();
         let low = (p - high.as_dvec3()).as_vec3();
-        let blur =
-            f64::from(f32::EPSILON) * p.abs().element_sum() + f64::from(f32::MIN_POSITIVE) * 67108864.0;
-        let blur = (blur + 5.0 * 524288.0 * radius) as f32;
-        Self { high: high.to_array(), low: low.to_array(), weight, blur: blur.next_up() }
+        let blur = f64::from(f32::MIN_POSITIVE) * 67108864.0 + 5.0 * 524288.0 * radius;
+        Self { high: high.to_array(), low: low.to_array(), weight, blur: blur as f32 }
     }
 
     /// Returns the eye of a view relative to `origin`. `None` if rounding leaves open whether the eye is a
@@ -66,16 +64,15 @@ pub(crate) const NUMBERS: usize = 13;
 ///
 /// The bound on rounding: let `v` be the eye minus the apex, `w = rows * v` with the exact rows, `|(x, y)|`
 /// the Euclidean length, and `u = 2^-24`. The cone holds the eye if `w.z + |(w.x, w.y)| <= 0`. Let `s` be the
-/// greatest magnitude in `rows`, `S` the sum of the magnitudes of the components of `v`, and `E` that sum for
-/// the eye. Then
+/// greatest magnitude in `rows`, and `S` the sum of the magnitudes of the components of `v`. Then
 ///
-/// - The error of a component of `v` is at most `2u |v|` for two roundings, `u |low| <= u^2 E` for the
-///   rounding of `low`, and `u^2 E` for the part of the eye that two `f32` cannot hold.
+/// - `high` is the `f32` nearest to the eye, and the apex is an `f32` as well, so `|low| <= |v|` on each
+/// axis.   The error of a component of `v` is at most `3u |v|` for two roundings, of `high` minus apex and of
+/// the   sum, and `u |low| <= u |v|` for the rounding of `low`.
 /// - The error of a component of `w` is at most `3u s S` for its products and sums, `u s S` for the rounding
-///   of `rows`, `2u s S` for the rounding of `v`, and `2u^2 s E`: together less than `6.1 u s S + 2.1 u^2 s
-///   E`.
-/// - The error of `w.z + |(w.x, w.y)|` is at most `1 + 2^1/2` times that: less than `15u s S + 6u^2 s E`. The
-///   margin is `32u s (S + 2u E)`; the rounding of the margin itself is a millionth of it.
+///   of `rows`, and `4u s S` for that of `v`: together less than `8.1 u s S`.
+/// - The error of `w.z + |(w.x, w.y)|` is at most `1 + 2^1/2` times that: less than `20u s S`. The margin is
+///   `32u s S`; the rounding of the margin itself is a millionth of it.
 /// - An eye that is off by `r` changes `w.z + |(w.x, w.y)|` by less than `4.2 s r`. The field
 ///   `SplitEye::blur` contains `5 r / (32 u)` for this.
 /// - Flushing of denormals changes components of `v` by up to `2^-126`, and the result by up to `2^-123 s`.
@@ -113,3 +110,66 @@ pub(super) fn inside<const WIDTH: usize>(cones: [&[f32; WIDTH]; NUMBERS], eye: &
 /// negative inside, is below minus this number, `2^-50`. Squares of smaller depths come near the denormals,
 /// so eyes that close count as outside.
 const MIN_DEPTH: f32 = 1.0 / 1_125_899_906_842_624.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Pose;
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_core::view::Window;
+    use visibility_testing::Random;
+
+    /// Eyes next to the apex of a cone that is a half-space, far from the origin: an eye on the front side of
+    /// the exact plane is not inside.
+    #[test]
+    fn eyes_before_a_far_plane_are_not_behind_it() {
+        let mut random = Random(91);
+        let (mut tried, mut behind) = (0, 0);
+        for round in 0..100_000 {
+            let apex = random.vec3(-1e6, 1e6);
+            let normal = random.vec3(-1.0, 1.0);
+            let near = 2f64.powi(-random.between(4, 24));
+            let across = normal.as_dvec3().cross(random.fine_vector(near));
+            let eye = apex.as_dvec3() + across;
+            let term = |k: usize| {
+                DoubleDouble::difference(eye[k], apex[k].into()).times(f64::from(normal[k]).into())
+            };
+            let height = term(0).plus(term(1)).plus(term(2)).hi;
+            // 32 units of round-off of the greatest element.
+            let margin = 16.0 * f32::EPSILON * normal.abs().max_element();
+            let [a, b, c] = normal.to_array().map(|x| [x]);
+            let [x, y, z] = apex.to_array().map(|x| [x]);
+            let zero = [0.0];
+            let numbers = [&zero, &zero, &zero, &zero, &zero, &zero, &a, &b, &c, &x, &y, &z, &[margin]];
+            let found = inside::<1>(numbers, &SplitEye::new(&Eye::Point(eye)))[0];
+            if height >= 0.0 {
+                tried += 1;
+                assert!(found >= 0.0, "{round}: {eye} is {height} before the plane at {apex} along {normal}");
+            }
+            let far = apex.as_dvec3() - normal.as_dvec3() * 0.125;
+            behind += u32::from(inside::<1>(numbers, &SplitEye::new(&Eye::Point(far)))[0] < 0.0);
+        }
+        assert!(tried > 40_000 && behind > 50_000, "{tried} before a plane, {behind} far behind it");
+    }
+
+    /// The blur holds the error of the eye, which grows with the distance of the view's origin.
+    #[test]
+    fn the_error_of_a_view_is_in_the_blur() {
+        let pose = Pose::look_at(DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 5.0, 9.0), DVec3::Z);
+        let point = View::perspective(pose, 1.0, 1.5, 0.1, 100.0);
+        let parallel = View::orthographic(pose, Window::centered(10.0, 10.0), 0.1, 100.0);
+        for view in [point, parallel] {
+            let view = view.unwrap();
+            for origin in [DVec3::ZERO, DVec3::splat(1e12)] {
+                let projection = ViewProjection::new(&view, origin);
+                let (eye, error) = (projection.eye(), projection.eye_error());
+                let found = SplitEye::of_view(&view, origin);
+                assert!(found.is_some(), "{eye:?} is known");
+                let blur = SplitEye::new(&eye).blur;
+                let added = f64::from(found.map_or(0.0, |found| found.blur)) - f64::from(blur);
+                let least = 5.0 * 524_288.0 * error - f64::from(f32::EPSILON * blur);
+                assert!(error > 0.0 && added >= 0.99 * least, "{eye:?}: {added} for an error of {error}");
+            }
+        }
+    }
+}

@@ -70,8 +70,11 @@ const EPSILON: f64 = f64::EPSILON;
 impl Source {
     fn facet(&self, slot: u8, view_plane: &ViewPlane) -> Facet {
         let ViewPlane { plane, error: offset_error } = *view_plane;
-        // Each component of the exact normal is within 8 epsilon of the stored one.
-        let normal_error = plane.normal.abs() * (8.0 * EPSILON);
+        // Each component of the exact normal is within 8 epsilon of the stored one. A sum of planes rounds by
+        // 1 epsilon of their magnitudes, also where components cancel, and its scaling by half of one: see
+        // `toward` and `settle`. The bounds on errors round by 4 of themselves, and a bound above 1.5 times
+        // all magnitudes admits every point.
+        let normal_error = plane.normal.abs() * (16.0 * EPSILON);
         // The light is rounded by half an epsilon when it is made relative to the scene; products and sums
         // are rounded by 3 epsilon, as in `Plane::error_bound`. With the 8 epsilon of the normal, that is 12
         // of the magnitudes. 16 also cover the rounding of the bound itself and of its use: `toward` below
@@ -87,6 +90,7 @@ impl Source {
             ),
         };
         let error = 16.0 * EPSILON * size + shift + 16.0 * f64::MIN_POSITIVE;
+        let offset_error = offset_error + plane.offset.abs() * (8.0 * EPSILON);
         Facet { slot, plane: RoundedPlane { plane, normal_error, offset_error }, distance, error }
     }
 
@@ -136,14 +140,10 @@ impl Facet {
         let (p, q) = (&self.plane, &other.plane);
         let normal = p.plane.normal * a + q.plane.normal * b;
         let offset = p.plane.offset * a + q.plane.offset * b;
-        // Each component is rounded twice, in addition to the errors of the planes. Where components cancel,
-        // the errors of both terms remain.
-        let size = p.plane.normal.abs() * a + q.plane.normal.abs() * b;
-        let offset_size = p.plane.offset.abs() * a + q.plane.offset.abs() * b;
         RoundedPlane {
             plane: Plane::new(normal, offset),
-            normal_error: p.normal_error * a + q.normal_error * b + size * (4.0 * EPSILON),
-            offset_error: p.offset_error * a + q.offset_error * b + offset_size * (4.0 * EPSILON),
+            normal_error: p.normal_error * a + q.normal_error * b,
+            offset_error: p.offset_error * a + q.offset_error * b,
         }
     }
 }
@@ -157,16 +157,11 @@ impl RoundedPlane {
     fn settle(&self, reach: DVec3) -> Option<ViewPlane> {
         let length = self.plane.normal.length();
         // Squares of lengths below 1e-140 underflow. Opposite planes of a volume without extent give such a
-        // normal.
-        if length.is_nan() || length < 1e-140 {
+        // normal. A length of NaN gives an error of NaN.
+        if length < 1e-140 {
             return None;
         }
-        // The divisions round the normal, the offset and each error once more.
-        let lost = self.normal_error + self.plane.normal.abs() * (4.0 * EPSILON);
-        let error = (self.offset_error + self.plane.offset.abs() * (4.0 * EPSILON) + lost.dot(reach))
-            / length
-            * (1.0 + 16.0 * EPSILON)
-            + 16.0 * f64::MIN_POSITIVE;
+        let error = (self.offset_error + self.normal_error.dot(reach)) / length + 16.0 * f64::MIN_POSITIVE;
         let plane = Plane::new(self.plane.normal / length, self.plane.offset / length);
         (plane.offset.is_finite() && error.is_finite()).then_some(ViewPlane { plane, error })
     }
@@ -212,7 +207,8 @@ fn push(out: &mut HullPlanes, plane: &RoundedPlane, reach: DVec3) {
 /// The planes go through the light and touch the cone along eight lines. For half angle `t`, unit axis `s`
 /// and a unit vector `e` perpendicular to it, the inner normal is `s tan t - e`. Vectors are unit and
 /// orthogonal to within 8 epsilon, the tangent is off by a few units in its last place: each component of the
-/// normal is within `32 epsilon (1 + tan t)` of a plane that holds the cone.
+/// normal is within `32 epsilon (1 + tan t)` of a plane that holds the cone,
+/// with room for scaling it.
 pub(super) fn push_cone(out: &mut HullPlanes, light: DVec3, axis: DVec3, tangent: f64, reach: DVec3) {
     use core::f64::consts::FRAC_1_SQRT_2 as D;
     let Some(axis) = (axis / axis.abs().max_element()).try_normalize() else { return };
@@ -230,7 +226,7 @@ fn push_through(out: &mut HullPlanes, point: DVec3, normal: DVec3, normal_error:
     let size = normal.abs().dot(point.abs());
     // Errors of the normal turn the plane about the point. The rounding of the offset and of its products
     // shifts it.
-    let offset_error = normal_error * (point.abs().element_sum()) + 4.0 * EPSILON * size;
+    let offset_error = normal_error * (point.abs().element_sum()) + 8.0 * EPSILON * size;
     let plane = Plane::new(normal, -normal.dot(point));
     push(out, &RoundedPlane { plane, normal_error: DVec3::splat(normal_error), offset_error }, reach);
 }
@@ -247,5 +243,85 @@ pub(super) fn push_ball(out: &mut HullPlanes, center: DVec3, radius: f64) {
                 out.push(ViewPlane { plane: Plane::new(side, offset), error });
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_testing::Random;
+
+    /// Returns the distance of a point from a plane in double-double arithmetic.
+    fn distance(plane: &Plane, p: DVec3) -> f64 {
+        let term = |k: usize| DoubleDouble::product(plane.normal[k], p[k]);
+        term(0).plus(term(1)).plus(term(2)).plus(plane.offset.into()).hi
+    }
+
+    /// Volumes with three pairs of parallel sides, whose corners and normals are integers. The planes of the
+    /// hull have all corners and the light on their inner side, up to the error that they state, which is no
+    /// more than some roundings.
+    #[test]
+    fn planes_of_the_hull_hold_volume_and_light() {
+        let mut random = Random(81);
+        let (mut found, mut behind, mut wide) = (0, 0, 0);
+        for round in 0..20_000 {
+            let size = 1 << random.between(2, 12);
+            let mut whole =
+                |size: i32| DVec3::from_array([(); 3].map(|()| f64::from(random.between(-size, size))));
+            let (first, light) = (whole(1 << 20), whole(1 << 20));
+            let edges = [whole(size), whole(size), whole(size)];
+            let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner: usize| {
+                first + (0..3).map(|k| edges[k] * (corner >> k & 1) as f64).sum::<DVec3>()
+            });
+            if edges[0].cross(edges[1]).dot(edges[2]) == 0.0 {
+                continue;
+            }
+            let sides = [0, 1, 2].map(|k| {
+                let normal = edges[(k + 1) % 3].cross(edges[(k + 2) % 3]);
+                let normal = if normal.dot(edges[k]) < 0.0 { -normal } else { normal };
+                [(normal, first), (-normal, first + edges[k])]
+            });
+            let volume: SmallVec<[(u8, ViewPlane); 6]> = (0..)
+                .zip(sides.as_flattened())
+                .map(|(slot, &(normal, at))| {
+                    // A third of the volumes have exact planes, and a third have offsets that are off by
+                    // their errors. The normals of these are no unit vectors.
+                    let offset = -normal.dot(at);
+                    let error = [0.0, normal.abs().element_sum()][round / 2 % 2];
+                    if round / 2 % 3 != 0 {
+                        let by = if (round / 4 + usize::from(slot)) % 2 == 0 { error } else { -error };
+                        return (slot, ViewPlane { plane: Plane::new(normal, offset + by), error });
+                    }
+                    let unit = normal.normalize();
+                    // The offset rounds, and the rounded normal turns the plane about the origin.
+                    let error = 8.0 * EPSILON * unit.abs().dot(at.abs());
+                    (slot, ViewPlane { plane: Plane::new(unit, -unit.dot(at)), error })
+                })
+                .collect();
+            let source = match round % 2 {
+                0 => Source::Point(light),
+                _ if light == DVec3::ZERO => continue,
+                _ => Source::Direction(light / light.abs().max_element()),
+            };
+            let reach = corners.iter().fold(light.abs(), |reach, p| reach.max(p.abs()));
+            let mut planes = HullPlanes::new();
+            push_hull(&mut planes, volume.iter().map(|(slot, plane)| (*slot, plane)), source, reach);
+            for ViewPlane { plane, error } in &planes {
+                found += 1;
+                let least = corners.map(|p| distance(plane, p)).into_iter().fold(f64::MAX, f64::min);
+                assert!(least >= -error, "{round}: {plane:?} cuts {least} off, its error is {error}");
+                behind += u32::from(least < 0.0);
+                let light_at = match source {
+                    Source::Point(_) => distance(plane, light),
+                    Source::Direction(_) => distance(&Plane::new(plane.normal, 0.0), light),
+                };
+                assert!(light_at >= -error, "{round}: the light is {light_at} off, the error is {error}");
+                let most = plane.normal.abs().dot(reach) + plane.offset.abs();
+                wide += u32::from(*error < 1e3 * EPSILON * most);
+            }
+        }
+        assert!(found > 50_000 && wide > found / 3, "{found} planes, {wide} with errors of some roundings");
+        assert!(behind > 10_000, "{behind} of {found} need their error");
     }
 }

@@ -8,10 +8,11 @@
 //! mirroring transforms. The normal is within `16u` of the view's own in each component, a product and two
 //! sums round by `3u`, and the division by the normal's length by `u`. So each component is off by at most
 //! `20u` of the sum of its terms' magnitudes. The same holds for the offset: the sum with `d` rounds once
-//! more, but the terms of `d` have fewer roundings. The code uses `32u`, which covers the rounding of the
-//! bound itself. Where terms cancel, as under a shear or far from the origin, such an error may exceed the
-//! length of the normal. Errors of the normal, times the greatest coordinate of the mesh, therefore count as
-//! errors of the offset. A product that underflows loses less than the least normal number.
+//! more, but the terms of `d` have fewer roundings. The code uses `32u`. Its other `12u` cover the three
+//! roundings of the plane's own error, which admits every point of the mesh if it exceeds all magnitudes.
+//! Where terms cancel, as under a shear or far from the origin, such an error may exceed the length of the
+//! normal. Errors of the normal, times the greatest coordinate of the mesh, therefore count as errors of the
+//! offset. A product that underflows loses less than the least normal number.
 //!
 //! # Eye
 //! The eye `e` is at `A^-1 (e - t)`. The rows of the inverse are `b x c`, `c x a` and `a x b` over the
@@ -95,10 +96,10 @@ impl Placement {
         let rounding = 32.0 * U * (sizes.dot(reach) + offset_size);
         let underflow = 16.0 * f64::MIN_POSITIVE * (1.0 + reach.element_sum());
         let length = normal.length();
-        let error = (rounding + error + underflow) / length * (1.0 + 16.0 * U);
-        let is_plane = length > 0.0 && error.is_finite() && offset.is_finite();
+        let error = (rounding + error + underflow) / length;
+        // A normal of no length makes the error infinite, and so does an offset that overflows.
         let unit = Plane::new(normal / length, offset / length);
-        is_plane.then_some(ViewPlane { plane: unit, error })
+        error.is_finite().then_some(ViewPlane { plane: unit, error })
     }
 
     /// Returns the eye in mesh coordinates. `eye` is relative to the scene's origin. `error` bounds its

@@ -78,3 +78,69 @@ impl EyeBox {
         farthest.gap_squared(bounds) < distance * distance * (1.0 - MARGIN)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_core::glam::Vec3;
+    use visibility_testing::Random;
+
+    /// The eye is within an error of a point whose coordinates were rounded once. In double-double arithmetic
+    /// it is in the box, whatever the ratio of error and coordinates.
+    #[test]
+    fn the_box_holds_the_eye_wherever_rounding_leaves_it() {
+        let mut random = Random(31);
+        for round in 0..20_000 {
+            let [far, error] = [0, 1].map(|_| 2f64.powi(random.between(-60, 20)));
+            let point = random.fine_vector(far);
+            let error = if random.one_in(4) { 0.0 } else { error * random.fine_range(0.5, 1.0) };
+            let found = EyeBox::around(point, error);
+            for k in 0..3 {
+                let room = |beyond: DoubleDouble| {
+                    beyond.plus(DoubleDouble::from(-error)).plus(DoubleDouble::from(-U * point[k].abs())).hi
+                };
+                let below = room(DoubleDouble::difference(point[k], found.low[k]));
+                let above = room(DoubleDouble::difference(found.high[k], point[k]));
+                assert!(below >= 0.0 && above >= 0.0, "{round}: {found:?} around {point}, off by {error}");
+            }
+        }
+    }
+
+    /// Distances that are just below or above those of boxes, by squares in double-double arithmetic.
+    #[test]
+    fn boxes_at_a_distance_are_neither_beyond_nor_within_it() {
+        let mut random = Random(32);
+        for round in 0..20_000 {
+            let at = random.fine_vector(0.25);
+            let eye = EyeBox { low: at, high: at };
+            // A box of one point, so that the nearest point of the box is the farthest one.
+            let point = random.vec3(0.5, 1.0);
+            let bounds = Aabb::new(point, point);
+            let square = |x: f64| DoubleDouble::product(x, x);
+            let [x, y, z] = [0, 1, 2].map(|k| DoubleDouble::difference(point[k].into(), at[k]));
+            let exact = x.times(x).plus(y.times(y)).plus(z.times(z));
+            let excess = |distance: f64| square(distance).plus(exact.negated()).hi;
+            let mut above = sqrt(exact.hi).next_down();
+            while excess(above) < 0.0 {
+                above = above.next_up();
+            }
+            assert!(!eye.is_beyond(&bounds, above), "{round}: {point} is less than {above} m from {at}");
+            let mut below = sqrt(exact.hi).next_up();
+            while excess(below) > 0.0 {
+                below = below.next_down();
+            }
+            assert!(!eye.is_within(&bounds, below), "{round}: {point} is more than {below} m from {at}");
+        }
+        let anywhere = EyeBox { low: DVec3::NEG_INFINITY, high: DVec3::INFINITY };
+        let bounds = Aabb::new(Vec3::ZERO, Vec3::ONE);
+        assert!(anywhere.is_within(&bounds, 1e-30), "an eye that may be anywhere is within any distance");
+        assert!(!anywhere.is_within(&bounds, 0.0), "no eye is less than 0 m away");
+        assert!(!anywhere.is_beyond(&bounds, 0.0), "an eye that may be anywhere is beyond no distance");
+        let around = EyeBox { low: DVec3::splat(-1.0), high: DVec3::splat(2.0) };
+        let is_within = [1.732, 1.733].map(|distance| around.is_within(&bounds, distance));
+        assert_eq!(is_within, [false, true], "corners of the box of the eye are the root of 3 m away");
+        assert_eq!(around.gap_squared(&Aabb::new(Vec3::splat(3.0), Vec3::splat(4.0))), 3.0, "a box above");
+        assert_eq!(around.gap_squared(&Aabb::new(Vec3::splat(-4.0), Vec3::splat(-3.0))), 12.0, "a box below");
+    }
+}

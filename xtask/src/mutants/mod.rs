@@ -30,12 +30,15 @@ struct Options {
     seed: u64,
     /// Time for tests of mutants, beside what compiling takes. No mutant's tests are begun after it.
     limit: Duration,
+    /// Whether the unit tests of the crate run alone, without those in its folder `tests`.
+    unit_tests: bool,
 }
 
-/// Reads options: a crate or files of one; `--sample N`, `--seed N`, `--minutes N`.
+/// Reads options: a crate or files of one; `--sample N`, `--seed N`, `--minutes N`, `--lib`.
 fn options(arguments: &[String]) -> Result<Options, String> {
-    let usage =
-        "usage: cargo run -p xtask -- mutants (CRATE | FILE...) [--sample N] [--seed N] [--minutes N]";
+    let usage = "usage: cargo run -p xtask -- mutants (CRATE | FILE...) [--sample N] [--seed N] [--minutes N] [--lib]";
+    let (flags, arguments): (Vec<String>, Vec<String>) =
+        arguments.iter().cloned().partition(|argument| argument == "--lib");
     let places = arguments.iter().take_while(|place| !place.starts_with("--")).count();
     let (places, pairs) = arguments.split_at(places);
     let package = |place: &str| place.split('/').next().unwrap_or_default().to_owned();
@@ -45,8 +48,8 @@ fn options(arguments: &[String]) -> Result<Options, String> {
     }
     let files = places.iter().filter(|place| place.ends_with(".rs")).cloned().collect();
     let day = SystemTime::UNIX_EPOCH.elapsed().map_or(0, |time| time.as_secs() / 86_400);
-    let mut options =
-        Options { package: first, files, sample: usize::MAX, seed: day, limit: Duration::from_secs(86_400) };
+    let (limit, unit_tests) = (Duration::from_secs(86_400), !flags.is_empty());
+    let mut options = Options { package: first, files, sample: usize::MAX, seed: day, limit, unit_tests };
     for pair in pairs.chunks(2) {
         let [name, value] = pair else { return Err(usage.to_owned()) };
         let value: u64 = value.parse().map_err(|_| format!("{name} {value} is no number"))?;
@@ -68,11 +71,19 @@ fn options(arguments: &[String]) -> Result<Options, String> {
 /// Returns a wrong argument, a file that cannot be read or written, and a crate that does not compile.
 pub(crate) fn check(root: &Path, arguments: &[String]) -> Result<usize, String> {
     let options = options(arguments)?;
-    let mut mutants = Vec::new();
+    let (mut mutants, mut tests) = (Vec::new(), Vec::new());
+    let mut texts = Vec::new();
     for file in sites::source_files(root, &options.package)? {
-        if options.files.is_empty() || options.files.contains(&file) {
-            let text =
-                std::fs::read_to_string(root.join(&file)).map_err(|error| format!("{file}: {error}"))?;
+        let text = std::fs::read_to_string(root.join(&file)).map_err(|error| format!("{file}: {error}"))?;
+        tests.extend(sites::test_modules(&file, &text));
+        texts.push((file, text));
+    }
+    let is_test = |file: &str| {
+        let module = |test: &String| file.strip_prefix(test.as_str());
+        tests.iter().filter_map(module).any(|rest| rest == ".rs" || rest.starts_with('/'))
+    };
+    for (file, text) in texts {
+        if !is_test(&file) && (options.files.is_empty() || options.files.contains(&file)) {
             let sites = sites::sites(&text).map_err(|error| format!("{file}: {error}"))?;
             mutants.extend(schemata::mutants(&file, &text, &sites));
         }
@@ -82,7 +93,7 @@ pub(crate) fn check(root: &Path, arguments: &[String]) -> Result<usize, String> 
     stale.iter().for_each(|line| println!("{SURVIVORS}: no mutant of the line: {line}"));
     let chosen = drawn(mutants.len(), options.sample, options.seed);
     let folder = root.join("target/mutants");
-    let tree = Tree::new(root, folder.join("tree"), &options.package)?;
+    let tree = Tree::new(root, folder.join("tree"), &options.package, options.unit_tests)?;
     let tests_folder = folder.join("tree").join(&options.package);
     let (mut counts, mut left_out, mut found) = ([0; 4], 0, stale.len());
     let mut left = options.limit;
@@ -176,7 +187,8 @@ mod tests {
         assert!(has_reason(reasons, &mutants[0]), "a line with a reason");
         assert!(!has_reason("c/src/f.rs | f | a < 1.0 | a <= 1.0 |  ", &mutants[0]), "a line without one");
         let (package, limit) = ("c".to_owned(), Duration::ZERO);
-        let mut options = Options { package, files: Vec::new(), sample: 1, seed: 1, limit };
+        let mut options =
+            Options { package, files: Vec::new(), sample: 1, seed: 1, limit, unit_tests: false };
         for files in [Vec::new(), vec!["c/src/f.rs".to_owned()]] {
             options.files = files;
             let lines = stale(reasons, &options, &mutants);

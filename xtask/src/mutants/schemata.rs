@@ -158,8 +158,8 @@ pub(crate) struct Tree {
     copy: PathBuf,
     /// Folder of the mutated crate, relative to the root.
     package: String,
-    /// Options of cargo for features.
-    features: Vec<String>,
+    /// Whether the tests in the folder `tests` of the crate are left out.
+    unit_tests: bool,
 }
 
 /// Program of tests.
@@ -167,20 +167,14 @@ pub(crate) type Program = PathBuf;
 
 impl Tree {
     /// Copies the files that git knows to `copy`, without those that are equal there already.
-    pub(crate) fn new(root: &Path, copy: PathBuf, package: &str) -> Result<Self, String> {
+    pub(crate) fn new(root: &Path, copy: PathBuf, package: &str, unit_tests: bool) -> Result<Self, String> {
         let list = Command::new("git").arg("-C").arg(root).arg("ls-files").output();
         let list = list.map_err(|error| format!("git ls-files: {error}"))?.stdout;
         for name in String::from_utf8_lossy(&list).lines() {
             let Ok(bytes) = std::fs::read(root.join(name)) else { continue };
             store(&copy.join(name), &bytes)?;
         }
-        let package = package.to_owned();
-        Ok(Self { root: root.to_owned(), copy, package, features: Vec::new() })
-    }
-
-    /// Compiles the crate with the systems of papers, if it has any.
-    pub(crate) fn with_papers(self) -> Self {
-        Self { features: papers(&self.root, std::slice::from_ref(&self.package)), ..self }
+        Ok(Self { root: root.to_owned(), copy, package: package.to_owned(), unit_tests })
     }
 
     /// Compiles the tests of the crate with a batch of mutants. Mutants that do not compile leave the batch.
@@ -230,14 +224,11 @@ impl Tree {
     /// Compiles the tests of the crate. Returns their programs, or the files and bytes of the errors.
     #[allow(clippy::type_complexity)]
     fn compile(&self) -> Result<(Vec<Program>, Vec<(String, Range<usize>)>), String> {
-        let manifest = self.copy.join(&self.package).join("Cargo.toml");
-        let manifest = std::fs::read_to_string(manifest).unwrap_or_default();
         // Code and tests of systems that lose are compiled as well, as `cargo test --workspace` does.
-        let papers = if manifest.contains("\npapers = ") { "--features=papers" } else { "--features=" };
         let output = Command::new("cargo")
-            .args(["test", "--no-run", "--lib", "--tests", "--locked", "--message-format=json", papers, "-p"])
-            .arg(&self.package)
-            .args(&self.features)
+            .args(["test", "--no-run", "--lib", "--locked", "--message-format=json", "-p", &self.package])
+            .args((!self.unit_tests).then_some("--tests"))
+            .args(papers(&self.root, std::slice::from_ref(&self.package)))
             .current_dir(&self.copy)
             .env("CARGO_TARGET_DIR", self.copy.with_file_name("target"))
             .env("RUSTFLAGS", "--cap-lints=warn")

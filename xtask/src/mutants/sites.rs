@@ -22,12 +22,21 @@ pub(crate) struct Site {
 }
 
 /// Words in names of margins: bounds on errors of rounding, and what is added to be safe.
-const MARGINS: [&str; 9] =
-    ["margin", "error", "slack", "epsilon", "delta", "tolerance", "rounding", "clearance", "safety"];
+const MARGINS: [&str; 10] =
+    ["margin", "error", "slack", "epsilon", "delta", "tolerance", "rounding", "clearance", "safety", "wrong"];
 
-/// Methods that round or compare, each beside the method that stands in its place in a mutation.
-const METHODS: [[&str; 2]; 5] =
-    [["next_up", "next_down"], ["floor", "ceil"], ["cmplt", "cmple"], ["cmpgt", "cmpge"], ["is_lt", "is_le"]];
+/// Name of the unit round-off in bounds on errors of rounding.
+const UNIT: &str = "U";
+
+/// Methods that round, compare or bound, each beside the method that stands in its place in a mutation.
+const METHODS: [[&str; 2]; 6] = [
+    ["next_up", "next_down"],
+    ["floor", "ceil"],
+    ["cmplt", "cmple"],
+    ["cmpgt", "cmpge"],
+    ["is_lt", "is_le"],
+    ["min", "max"],
+];
 
 /// Returns the names of the source files of a crate, relative to the root and sorted.
 pub(crate) fn source_files(root: &Path, package: &str) -> Result<Vec<String>, String> {
@@ -36,6 +45,21 @@ pub(crate) fn source_files(root: &Path, package: &str) -> Result<Vec<String>, St
     let mut names: Vec<String> = names.map(|name| name.to_string_lossy().replace('\\', "/")).collect();
     names.sort();
     Ok(names)
+}
+
+/// Returns where the modules without a body of a source file are that are compiled for tests alone: paths
+/// relative to the root, without `.rs`.
+pub(crate) fn test_modules(file: &str, text: &str) -> Vec<String> {
+    let items = syn::parse_file(text).map(|file| file.items).unwrap_or_default();
+    let folder = match file.rsplit_once('/') {
+        Some((folder, "mod.rs" | "lib.rs" | "main.rs")) => folder,
+        _ => file.trim_end_matches(".rs"),
+    };
+    let names = items.iter().filter_map(|item| match item {
+        Item::Mod(module) if module.content.is_none() && is_test(&module.attrs) => Some(&module.ident),
+        _ => None,
+    });
+    names.map(|name| format!("{folder}/{name}")).collect()
 }
 
 /// Returns the sites of Rust source text in order, or an error if the text is not Rust. Tests, constants and
@@ -61,14 +85,46 @@ impl Finder<'_> {
         self.sites.push(Site { function, range, prefix, mutants });
     }
 
-    /// Adds a margin as a site: it becomes nothing, and half of itself.
+    /// Adds a margin as a site: it becomes nothing, and half of itself. A term of a bound, which the unit
+    /// round-off tells, becomes nothing.
     fn add_margin(&mut self, expression: &Expr, name: &str) {
-        let name = name.to_lowercase();
-        if MARGINS.iter().any(|word| name.contains(word)) {
-            let range = expression.span().byte_range();
-            let mutants = ["0.0", "0.5"].map(|by| format!("{by} * {}", &self.text[range.clone()]));
-            self.add(range, mutants.to_vec());
+        let factors: &[&str] = match name.to_lowercase() {
+            lower if MARGINS.iter().any(|word| lower.contains(word)) => &["0.0", "0.5"],
+            _ if name == UNIT => &["0.0"],
+            _ => return,
+        };
+        let range = expression.span().byte_range();
+        let mutants = factors.iter().map(|by| format!("{by} * {}", &self.text[range.clone()]));
+        let mutants = mutants.collect();
+        self.add(range, mutants);
+    }
+
+    /// Adds a chain of `&&` or of `||` as sites, each without one of its operands: here without the right
+    /// one, and without the left one if that is no chain of the same kind. A chain with `let` has none.
+    fn add_chain(&mut self, binary: &ExprBinary) {
+        let is_same = |side: &Expr| {
+            matches!((side, binary.op), (Expr::Binary(ExprBinary { op: BinOp::And(_), .. }), BinOp::And(_)))
+                || matches!(
+                    (side, binary.op),
+                    (Expr::Binary(ExprBinary { op: BinOp::Or(_), .. }), BinOp::Or(_))
+                )
+        };
+        let [left, right] = [&*binary.left, &*binary.right];
+        if has_let(left) || has_let(right) {
+            return;
         }
+        let sides = if is_same(left) { &[left][..] } else { &[left, right] };
+        let mutants = sides.iter().map(|side| self.text[side.span().byte_range()].to_owned()).collect();
+        self.add(binary.span().byte_range(), mutants);
+    }
+}
+
+/// Returns whether a condition is a `let` or a chain of `&&` with one.
+fn has_let(condition: &Expr) -> bool {
+    match condition {
+        Expr::Let(_) => true,
+        Expr::Binary(binary) => has_let(&binary.left) || has_let(&binary.right),
+        _ => false,
     }
 }
 
@@ -156,6 +212,9 @@ impl<'ast> Visit<'ast> for Finder<'_> {
             let mutants = vec![format!("{left} {other} {right}")];
             self.add(binary.span().byte_range(), mutants);
         }
+        if matches!(binary.op, BinOp::And(_) | BinOp::Or(_)) {
+            self.add_chain(binary);
+        }
         let is_assignment = binary.op.span().byte_range().len() > 1
             && self.text[binary.op.span().byte_range()].ends_with('=')
             && other.is_none()
@@ -223,7 +282,14 @@ impl<'ast> Visit<'ast> for Finder<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::sites;
+    use super::{sites, test_modules};
+
+    #[test]
+    fn modules_of_tests_are_found() {
+        let text = "mod a; #[cfg(test)] mod b; #[cfg(test)] mod c { fn f() {} }";
+        assert_eq!(test_modules("x/src/y/mod.rs", text), ["x/src/y/b"], "modules of a folder");
+        assert_eq!(test_modules("x/src/y.rs", text), ["x/src/y/b"], "modules of a file");
+    }
 
     #[test]
     fn sites_are_what_decides() {
@@ -251,6 +317,10 @@ mod tests {
             let found = sites(&format!("fn f() {{ {text}; }}")).map(|found| found.len());
             assert_eq!(found, Ok(count), "sites of {text}");
         }
+        let text = "fn f() -> bool { a && b && c || let d = e && f || 2.0 * U > g.min(h) }";
+        let found: Vec<_> = sites(text).into_iter().flatten().flat_map(|site| site.mutants).collect();
+        let expected = ["a", "b", "a && b", "2.0 * U >= g.min(h)", "0.0 * U", "g.max(h)"];
+        assert_eq!(found, expected, "operands of chains, a unit round-off and a bound");
         let text = "fn f(slack: f32) -> S { S { a: slack, slack } }";
         let prefixes = sites(text).unwrap_or_default().into_iter().map(|site| site.prefix);
         assert_eq!(prefixes.collect::<Vec<_>>(), ["", "slack: "], "a field and one written as its name");

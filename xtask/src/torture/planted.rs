@@ -42,7 +42,7 @@ pub(super) fn check(root: &Path, only: &str) -> Result<usize, String> {
     println!("| fault | test | noticed within |\n|---|---|---:|");
     for (package, faults) in by_package {
         let folder = root.join("target/mutants/tree");
-        let tree = Tree::new(root, folder.clone(), &package)?.with_papers();
+        let tree = Tree::new(root, folder.clone(), &package, false)?;
         let mutants: Vec<Mutant> = faults.iter().map(|(_, mutant)| mutant.clone()).collect();
         let mut batch: Vec<usize> = (0..mutants.len()).collect();
         let programs = tree.build(&mutants, &mut batch)?;

@@ -216,6 +216,31 @@ fn corners_within_the_errors_of_positions_are_refused() {
     }
 }
 
+/// Three edges around a line, all next to one point of it. The line passes inside of each, and outside of
+/// each once all ends have moved by their error: then the products of ends and directions are wrong, and
+/// nothing else.
+#[test]
+fn corners_at_a_point_within_the_errors_of_positions_are_refused() {
+    const DELTA: f64 = 1.0 / 256.0;
+    let size = 256.0;
+    let at = DVec3::new;
+    let around =
+        [(at(0.0, -1.0, 0.0), DVec3::X), (at(1.0, 0.0, 0.0), at(-1.0, 1.0, 0.0)), (-DVec3::X, -DVec3::Y)];
+    let world = World::new(TARGET, &[]);
+    let (steps, target_vertices) = ([].iter(), vec![]);
+    let (triangles, clearance) = (&world.triangles, 0.0);
+    let check = Check { triangles, clearance, delta: DELTA, target_vertices, steps, splits: 0 };
+    let sight = node(&[DVec3::ZERO; 3], &[DVec3::Z; 3], None);
+    for (away, expected) in [(0.5, false), (-0.5, false), (-40.0, true)] {
+        let rows: [Divider; 3] = around.map(|(off, along)| {
+            let start = off * (away * DELTA);
+            ([(start, None), (start + along * size, None)], 1.0)
+        });
+        let found = check.corner_excludes(&sight, [&rows[0], &rows[1], &rows[2]]);
+        assert_eq!(found, expected, "a line that passes {away} errors inside of three edges");
+    }
+}
+
 fn sign(x: f64) -> f64 {
     if x == 0.0 { 0.0 } else { x.signum() }
 }

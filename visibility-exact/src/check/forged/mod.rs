@@ -37,14 +37,19 @@
 //! | `sides`: exact zeros | `mixtures_of_other_corners_are_not_on_an_edge`, and `edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them`, `edges_near_the_plane_of_a_face_are_in_it` in `tests` |
 //! | `is_on_side`, `separates`: margins | `edges_within_the_error_of_positions_are_not_passed`, and `what_touches_by_less_than_the_error_is_not_apart` in `tests` |
 //! | `excludes`: weights, sums, rounding | `edges_that_lines_pass_outside_are_refused`, `weights_that_cancel_are_refused` |
-//! | `corner_excludes`: signs, form, rounding | `corners_with_lines_are_refused`, `corners_on_a_line_are_refused`, `corners_of_edges_along_each_other_are_refused`, `corners_within_the_errors_of_positions_are_refused` |
+//! | `corner_excludes`: signs, form, rounding | `corners_with_lines_are_refused`, `corners_on_a_line_are_refused`, `corners_of_edges_along_each_other_are_refused`, `corners_within_the_errors_of_positions_are_refused`, `corners_at_a_point_within_the_errors_of_positions_are_refused` |
+//! | `check`: margin of cuts, tags with a clearance | `targets_seen_from_next_to_their_plane_are_refused`, `corners_of_the_target_have_no_tag_with_a_clearance` |
+//! | `node`: cuts by planes | `viewcells_are_split_by_planes_of_one_sided_triangles` |
 //!
-//! No forged proof was found for two conditions, which are kept: that a triangle in `touches_beside` has a
-//! corner that is not the target's, and that no end of a line in `crosses` is on the plane of a triangle.
+//! Tests of `rings` and `surface_margins` ask for single conditions just inside and just outside of their
+//! margins. Two conditions have only such tests, and no forged proof: that a triangle in `touches_beside` has
+//! a corner that is not the target's, and that no end of a line in `crosses` is on the plane of a triangle.
 
 mod loops;
 mod margins;
+mod rings;
 mod steps;
+mod surface_margins;
 mod surfaces;
 mod target_plane;
 

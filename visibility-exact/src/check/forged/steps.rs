@@ -3,6 +3,7 @@
 //! clearance, which no proof covers.
 
 use super::*;
+use crate::search::SPLITS;
 
 #[test]
 fn numbers_beyond_the_scene_are_refused() {
@@ -90,6 +91,82 @@ fn targets_seen_from_less_than_the_clearance_are_refused() {
             ),
             _ => assert_eq!(world.error([from, to], vec![]), error, "{height}"),
         }
+    }
+}
+
+/// A viewcell that ends below the plane of a one-sided target, by less than the margin of cuts, which is four
+/// errors of positions: an empty proof does not cover it.
+#[test]
+fn targets_seen_from_next_to_their_plane_are_refused() {
+    let shape: Triangle = [[76.0, 2.0, -0.125], [84.0, 4.0, -0.375], [76.0, 6.0, -0.125]];
+    let mut scene = Scene::new();
+    let triangle = shape.map(Vec3::from_array);
+    let object = Object::new(Aabb::from_points(triangle));
+    let id = scene.insert(Object { occluder: true, one_sided: true, ..object });
+    scene.set_triangles(id, [triangle]).unwrap();
+    let mut world = World { triangles: SceneTriangles::new(&scene), ..World::new(shape, &[]) };
+    let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
+    for (below, error) in [(5.0, None), (3.5, MALFORMED), (1.0, MALFORMED), (-1.0, MALFORMED)] {
+        // The plane is at z = 2 where x = 8.
+        let max = DVec3::new(8.0, 8.0, 2.0 - below * delta);
+        world.cell = CellBox { min: DVec3::new(0.0, 0.0, -6.0), max };
+        let found = world.proof(vec![]).check(&world.triangles).err();
+        assert_eq!(found, error, "a viewcell that ends {below} errors below the target's plane");
+    }
+}
+
+/// A wall of one side that divides the viewcell: the parts before and behind it are proven apart.
+#[test]
+fn viewcells_are_split_by_planes_of_one_sided_triangles() {
+    let divider = [[-40.0, 4.0, -300.0], [40.0, 4.0, -300.0], [0.0, 4.0, 400.0]];
+    let mut scene = Scene::new();
+    for (shape, one_sided) in [(TARGET, false), (WALL, false), (divider, true)] {
+        let triangle = shape.map(Vec3::from_array);
+        let object = Object::new(Aabb::from_points(triangle));
+        let id = scene.insert(Object { occluder: true, one_sided, ..object });
+        scene.set_triangles(id, [triangle]).unwrap();
+    }
+    for clearance in [0.0, 1.0 / 128.0] {
+        let world =
+            World { triangles: SceneTriangles::new(&scene), clearance, ..World::new(TARGET, &[WALL]) };
+        let before = world.triangles.front(2).unwrap().normal.y.signum();
+        let from =
+            |side: f64| surface(&[1], [[8.0, 4.0 + 2.0 * side * before, 4.0], [80.0 - clearance, 4.0, 3.0]]);
+        let split = |triangle| Step::Split { triangle };
+        let check = |steps: Vec<Step>| world.proof(steps).check(&world.triangles).err();
+        assert_eq!(check(vec![split(2), from(1.0), from(-1.0)]), None, "both parts, clearance {clearance}");
+        assert_eq!(check(vec![split(2), from(-1.0), from(1.0)]), SURFACE, "parts exchanged");
+        assert_eq!(check(vec![split(2), from(1.0)]), MALFORMED, "one part alone");
+        for number in [0, 1, 3, 4, u32::MAX] {
+            assert_eq!(check(vec![split(number), from(1.0), from(-1.0)]), MALFORMED, "triangle {number}");
+        }
+    }
+    // Each cut leaves a strip behind it, so the part before the plane can be cut again and again.
+    let mut world = World { triangles: SceneTriangles::new(&scene), ..World::new(TARGET, &[WALL]) };
+    let nested = |world: &World, count: u32| {
+        let mut steps = vec![Step::Split { triangle: 2 }; count as usize];
+        steps.push(empty(&[]));
+        world.proof(steps).check(&world.triangles).err()
+    };
+    let found = [SPLITS, SPLITS + 1].map(|count| nested(&world, count));
+    assert_eq!(found, [WEIGHTS, MALFORMED], "{SPLITS} cuts and one more");
+    world.clearance = 1.0 / 128.0;
+    assert_eq!(nested(&world, 2), MALFORMED, "a cut with a clearance is exact, and leaves no strip");
+}
+
+/// A corner of the target is none of the target polygon with a clearance, since the polygon is moved.
+#[test]
+fn corners_of_the_target_have_no_tag_with_a_clearance() {
+    let wall = [TARGET[0], [40.0, 300.0, -100.0], [40.0, 100.0, 400.0]];
+    for (clearance, error) in [(0.0, None), (1.0 / 128.0, LOOP)] {
+        let world = World { clearance, ..World::new(TARGET, &[wall]) };
+        let Step::Loop { piece, ring, side, edges } = ring(world.piece(1), &world.shapes[1], LINE, &INSIDE)
+        else {
+            unreachable!()
+        };
+        let ring = ring.iter().zip([0, 3, 3]).map(|(&(x, _), tag)| (x, tag)).collect();
+        let found = world.proof(vec![Step::Loop { piece, ring, side, edges }]).check(&world.triangles).err();
+        assert_eq!(found, error, "clearance {clearance}");
     }
 }
 

@@ -66,10 +66,13 @@ fn edges_next_to_the_plane_of_the_target_are_met() {
 #[test]
 fn lines_that_end_behind_the_plane_of_the_target_are_refused() {
     let [a, b, _] = TARGET;
-    let world = World::new(TARGET, &[[a, b, [400.0, 4.0, -400.0]]]);
-    let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
-    let line = [LINE[0], [80.0 + 0.5 * delta, 4.0, 2.0 - 0.5 * delta]];
-    world.refuses_surface(1, line, LINE, "a line that ends behind the target's plane");
+    for (low, part) in [([400.0, 4.0, -400.0], 0.5), ([80.5, 4.0, -400.0], 0.5), ([80.5, 4.0, -400.0], 0.95)]
+    {
+        let world = World::new(TARGET, &[[a, b, low]]);
+        let delta = position_error(&world.triangles, &world.cell, Target::Triangle(0), 0.0).unwrap();
+        let line = [LINE[0], [80.0 + part * delta, 4.0, 2.0 - part * delta]];
+        world.refuses_surface(1, line, LINE, format_args!("{low:?}, {part} errors behind the target"));
+    }
 }
 
 /// The top of the viewcell is over the plane of the target's upper side by less than the error of heights, so
