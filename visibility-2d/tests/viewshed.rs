@@ -205,6 +205,26 @@ fn an_eye_on_a_slope_sees_all_of_it() {
 }
 
 #[test]
+fn an_eye_on_a_slope_sees_along_level_lines() {
+    // The eye and all targets of its level are at height 0, so that nothing but rounding of directions and slopes
+    // is left of the heights.
+    let mut random = Random(8);
+    for case in 0..100 {
+        let [row, column] = [(); 2].map(|()| random.below(40) as i32);
+        let [down, across] = [(); 2].map(|()| random.between(-9, 9));
+        let heights: Vec<f64> = (0..40 * 40)
+            .map(|sample| f64::from(down * (sample / 40 - row) + across * (sample % 40 - column)))
+            .collect();
+        let raster = HeightRaster::new(&heights, 40, 40, [1.0, 1.0]).expect("a raster");
+        let observer = Observer::new(f64::from(row), f64::from(column));
+        let mut visible = vec![false; heights.len()];
+        Viewshed::new().look(&raster, &observer, &mut visible).expect("over the raster");
+        let hidden = visible.iter().filter(|visible| !**visible).count();
+        assert_eq!(hidden, 0, "case {case}: samples of a plane hidden from {row}, {column}");
+    }
+}
+
+#[test]
 fn a_wall_hides_up_to_its_shadow() {
     // A wall 8 high at column 10 and an eye 2 high at column 0: the shadow at column c is up to 2 + 6 * c / 10.
     let mut heights = vec![0_i16; 41 * 41];

@@ -119,10 +119,8 @@ pub(crate) fn array<'py, T: Element + Copy>(
         return Err(refused(name, expected::<T>(value, shape)));
     }
     let array = array.try_readonly().map_err(|error| refused(name, error))?;
-    let copied = match array.as_slice() {
-        Ok(_) => None,
-        Err(_) => Some(array.as_array().iter().copied().collect()),
-    };
+    // A slice of a Fortran-contiguous array would be in another order.
+    let copied = (!array.is_c_contiguous()).then(|| array.as_array().iter().copied().collect());
     Ok(Input { array, copied })
 }
 

@@ -29,11 +29,11 @@ def test_polygon_of_an_empty_room_is_the_room():
 
 
 def test_pillar_casts_its_shadow(ring):
-    # From the middle of the left side the pillar's near corners are at 4, 4 and 4, 6, and its shadow is the
-    # trapezium from x = 4 to 10 between lines of slope 1 / 4.
-    shadow = 6.0 * (2.0 + 5.0) / 2.0
-    assert area(ring.visibility_polygon((0.0, 5.0))) == pytest.approx(100.0 - shadow)
-    assert ring.visible_areas([(0.0, 5.0)]) == pytest.approx([100.0 - shadow])
+    # 3 m before the pillar, whose near corners are at 4, 4 and 4, 6. Pillar and shadow are the trapezium from x = 4
+    # to 10 between lines of slope 1 / 3.
+    shadow = 6.0 * (2.0 + 6.0) / 2.0
+    assert area(ring.visibility_polygon((1.0, 5.0))) == pytest.approx(100.0 - shadow)
+    assert ring.visible_areas([(1.0, 5.0)]) == pytest.approx([100.0 - shadow])
     assert list(ring.visible_walls((1.0, 5.0))) == [0, 1, 2, 3, 7]
 
 
@@ -81,7 +81,7 @@ def test_doors_open(ring):
     assert ring.sees([(1.0, 5.0)], [(9.0, 5.0)])[0]
     with pytest.raises(ValueError, match="wall 8 is unknown"):
         ring.set_opacity(8, "clear")
-    with pytest.raises(ValueError, match="opacity: 'open' is not"):
+    with pytest.raises(ValueError, match='opacity: "open" is not'):
         ring.set_opacity(0, "open")
 
 

@@ -112,7 +112,7 @@ def test_regions(street):
         assert (end >= np.array(box[0]) - 1e-4).all() and (end <= np.array(box[1]) + 1e-4).all()
     with pytest.raises(ValueError, match="region: the least corner"):
         street.seen_from_region(region[::-1])
-    with pytest.raises(ValueError, match="clearance: nan is not"):
+    with pytest.raises(ValueError, match="clearance: NaN is not"):
         street.prove_from_region(region, clearance=np.nan)
 
 

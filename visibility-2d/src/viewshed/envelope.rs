@@ -112,10 +112,12 @@ impl Envelope {
     }
 
     /// Returns a function that tells the slope of the envelope for directions that do not decrease from call to
-    /// call. Where two pieces meet, the lower of their slopes counts. Minus infinity where there is nothing.
-    pub(super) fn slopes(&self) -> impl FnMut(f64) -> f64 + '_ {
+    /// call. Where two pieces meet, the lower of their slopes counts: they differ beside holes alone. In a
+    /// direction along the border of the raster (`true`) it is the higher, since the other side has no terrain.
+    /// Minus infinity where there is nothing.
+    pub(super) fn slopes(&self) -> impl FnMut(f64, bool) -> f64 + '_ {
         let mut rest = self.pieces.as_slice();
-        move |direction| {
+        move |direction, on_border| {
             while let [_, later @ ..] = rest
                 && later.first().is_some_and(|next| next.0 < direction)
             {
@@ -123,7 +125,8 @@ impl Envelope {
             }
             match rest {
                 [piece, next, ..] if next.0 == direction => {
-                    piece.1.slope(direction).min(next.1.slope(direction))
+                    let (before, after) = (piece.1.slope(direction), next.1.slope(direction));
+                    if on_border { before.max(after) } else { before.min(after) }
                 }
                 [piece, ..] => piece.1.slope(direction),
                 [] => f64::NEG_INFINITY,

@@ -169,7 +169,8 @@ impl Viewshed {
                     {
                         continue;
                     }
-                    let hidden = (slopes(aside / ahead) * ahead - above_eye).max(0.0);
+                    let on_border = across == 0 || across + 1 == width;
+                    let hidden = (slopes(aside / ahead, on_border) * ahead - above_eye).max(0.0);
                     let rounding = rounding_of_eye + ROUNDING * (above_eye.abs() + hidden);
                     result(row * columns + column, hidden, rounding);
                 }
