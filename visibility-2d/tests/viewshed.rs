@@ -181,6 +181,26 @@ fn holes_hide_nothing() {
 }
 
 #[test]
+fn an_edge_beside_a_hole_hides_nothing_exactly_at_its_end() {
+    // A peak between the eye and the last sample of its row. With land all around it hides; if the land on one side is
+    // missing, the line of sight over the peak itself is seen, and one that meets the slope beside the peak is not.
+    let seen = |holes: &[[usize; 2]]| {
+        let mut heights = [[0.0; 5]; 5];
+        (heights[2][2], heights[1][2]) = (10.0, 10.0);
+        for &[row, column] in holes {
+            heights[row][column] = f64::NAN;
+        }
+        let raster = HeightRaster::new(heights.as_flattened(), 5, 5, [1.0, 1.0]).expect("a raster");
+        let mut visible = [false; 25];
+        let observer = Observer::new(2.0, 0.0).with_height(1.0);
+        Viewshed::new().look(&raster, &observer, &mut visible).expect("over the raster");
+        [visible[2 * 5 + 4], visible[5 + 4]]
+    };
+    assert_eq!(seen(&[]), [false, false], "land all around the peak");
+    assert_eq!(seen(&[[3, 2], [3, 3]]), [true, false], "holes on one side");
+}
+
+#[test]
 fn an_eye_on_a_slope_sees_all_of_it() {
     // Lines of sight along a plane touch every edge; what rounding makes of heights, directions and the eye must
     // not hide them.

@@ -48,7 +48,7 @@ for number, (low, high) in enumerate(houses, start=1):
     color = figure.MORE if number in shown else "#8d99ae" if number in in_view else "#d9dce3"
     axes.add_patch(Rectangle(low[:2], *(high - low)[:2], color=color, zorder=2))
 figure.eyes(axes, eye[None, :2])
-axes.set(title="Street covered (yellow); houses shown (orange), hidden (dark)", xlabel="m", aspect="equal")
+axes.set(title="Street covered; houses shown (orange), in the view but hidden (grey-blue)", xlabel="m", aspect="equal")
 axes.autoscale_view()
 tones = np.concatenate([[[0.75, 0.86, 0.95]], [[0.6, 0.62, 0.6]], random.uniform(0.3, 0.95, (len(houses), 3))])
 screen.imshow(tones[image + 1])

@@ -213,3 +213,30 @@ def test_cityjson(tmp_path):
     assert scene.item_buffer(view).max() == 0
     with pytest.raises(ValueError, match="source: expected a CityJSON file"):
         Scene.from_cityjson({"type": "Feature"})
+
+
+def test_ifc(tmp_path):
+    pytest.importorskip("ifcopenshell")
+    from ifcopenshell.api import run
+
+    model = run("project.create_file")
+    run("root.create_entity", model, ifc_class="IfcProject")
+    run("unit.assign_unit", model, length={"is_metric": True, "raw": "METERS"})
+    context = run("context.add_context", model, context_type="Model")
+    named = {"context_type": "Model", "context_identifier": "Body", "target_view": "MODEL_VIEW"}
+    body = run("context.add_context", model, parent=context, **named)
+    for kind, at, size in (("IfcWall", 5.0, 8.0), ("IfcWindow", 3.0, 8.0), ("IfcFurniture", 8.0, 0.5)):
+        product = run("root.create_entity", model, ifc_class=kind)
+        sides = {"length": 0.5, "height": size, "thickness": size}
+        shape = run("geometry.add_wall_representation", model, context=body, **sides)
+        run("geometry.assign_representation", model, product=product, representation=shape)
+        matrix = np.eye(4)
+        matrix[:3, 3] = (at, -size / 2, -size / 2)
+        run("geometry.edit_object_placement", model, product=product, matrix=matrix)
+    path = tmp_path / "house.ifc"
+    model.write(str(path))
+    scene, names = Scene.from_ifc(path)
+    assert sorted(model.by_guid(name).is_a() for name in names) == ["IfcFurniture", "IfcWall", "IfcWindow"]
+    kinds = {model.by_guid(names[number]).is_a() for number in scene.cull(AHEAD)}
+    assert kinds == {"IfcWall", "IfcWindow"}
+    assert len(scene.cull(AHEAD, occlusion=False)) == 3

@@ -15,12 +15,14 @@ pub(super) struct Line {
     rise: f64,
 }
 
-/// The image of an edge of the terrain: a line from one direction to a later one.
+/// The image of an edge of the terrain: the straight segment between two ends, each a direction and a slope.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
-    line: Line,
-    start: f64,
-    end: f64,
+    /// End of the lesser direction.
+    a: (f64, f64),
+    b: (f64, f64),
+    /// By how much rounding may have raised the slopes, beyond what the ends themselves tell.
+    lowered: f64,
 }
 
 /// Upper envelope over the directions from -1 to 1.
@@ -32,8 +34,8 @@ pub(super) struct Envelope {
     merged: Vec<(f64, Line)>,
 }
 
-/// Relative rounding of what a segment is made of: a direction and a slope are quotients of differences of
-/// numbers as given, so each is off by at most 3 half units in the last place. A slope along the line adds the
+/// Relative rounding of what a segment is made of: a direction is a quotient of differences of numbers as given, and
+/// a slope a product of such a difference and a reciprocal, so each is off by at most 4 half units in the last place. A slope along the line adds the
 /// roundings of two differences, a quotient, a product and a sum.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
@@ -46,19 +48,26 @@ impl Line {
 }
 
 impl Segment {
-    /// Makes the segment between two ends, each a direction and a slope, in any order, lowered by the bound on
-    /// all roundings: that of the slopes, and that of the directions times the rise. `lowered` is lowered
-    /// further. `None` for a segment along one direction, and for one with an end that is not finite.
+    /// Makes the segment between two ends, each a direction and a slope, in any order. Its slopes are lowered by the
+    /// bound on their roundings (see [`ROUNDING`]) and by `lowered`. `None` for a segment along one direction, and for
+    /// one with an end that is NaN.
     pub(super) fn new(a: (f64, f64), b: (f64, f64), lowered: f64) -> Option<Self> {
         let (a, b) = if a.0 <= b.0 { (a, b) } else { (b, a) };
+        (b.0 > a.0 && !a.1.is_nan() && !b.1.is_nan()).then_some(Self { a, b, lowered })
+    }
+
+    /// Returns the segment's line, lowered. `None` if its slope is not finite.
+    fn line(&self) -> Option<Line> {
+        let Self { a, b, lowered } = *self;
         let rise = (b.1 - a.1) / (b.0 - a.0);
         let most = a.1.abs().max(b.1.abs()) + rise.abs() * a.0.abs().max(b.0.abs());
         let at = a.1 - ROUNDING * most - lowered;
-        (b.0 > a.0 && at.is_finite()).then_some(Self {
-            line: Line { from: a.0, at, rise },
-            start: a.0,
-            end: b.0,
-        })
+        at.is_finite().then_some(Line { from: a.0, at, rise })
+    }
+
+    /// Whether no point of the segment is above a line.
+    fn is_below(&self, line: &Line) -> bool {
+        self.a.1 <= line.slope(self.a.0) && self.b.1 <= line.slope(self.b.0)
     }
 }
 
@@ -70,45 +79,63 @@ impl Envelope {
     }
 
     /// Adds segments that come by direction and do not overlap. What an end that rounding has put before the
-    /// end of the last segment overlaps is left out.
+    /// end of the last segment overlaps is left out. Most segments are below the envelope: nothing is written for
+    /// these.
     pub(super) fn add(&mut self, segments: impl Iterator<Item = Segment>) {
-        let mut merged = mem::take(&mut self.merged);
+        let Self { pieces, merged } = self;
         merged.clear();
-        let mut pieces = self.pieces.iter().copied().peekable();
-        let mut piece = pieces.next().unwrap_or((-1.0, Line::NOTHING));
-        // Up to here the envelope is merged.
-        let mut done = -1.0;
-        for Segment { line, start, end } in segments {
-            let (start, end) = (start.max(done), end.min(1.0));
+        let end_of = |piece: usize| pieces.get(piece + 1).map_or(1.0, |next: &(f64, Line)| next.0);
+        // The piece at the beginning of the segment; up to which direction the envelope is merged; and the piece
+        // there.
+        let (mut at, mut done, mut rest) = (0, -1.0, 0);
+        for segment in segments {
+            let (start, end) = (segment.a.0.max(done), segment.b.0.min(1.0));
             if start >= end {
                 continue;
             }
-            // What ends before the segment begins stays.
-            push(&mut merged, done, piece.1);
-            while let Some(next) = pieces.next_if(|next| next.0 <= start) {
-                piece = next;
-                push(&mut merged, piece.0, piece.1);
+            while end_of(at) <= start {
+                at += 1;
             }
-            let mut low = start;
-            while low < end {
-                let next = pieces.peek().map_or(1.0, |next| next.0);
-                let high = end.min(next);
-                higher(&mut merged, low, high, piece.1, line);
+            let Some(&(_, piece)) = pieces.get(at) else { break };
+            if end <= end_of(at) && segment.is_below(&piece) {
+                continue;
+            }
+            let Some(line) = segment.line() else { continue };
+            let mut is_above = false;
+            let (mut last, mut low) = (at, start);
+            while let Some(&(_, piece)) = pieces.get(last) {
+                let high = end.min(end_of(last));
+                is_above |= line.slope(low) > piece.slope(low) || line.slope(high) > piece.slope(high);
                 low = high;
-                if next <= end {
-                    let Some(next) = pieces.next() else { break };
-                    piece = next;
+                if low >= end {
+                    break;
+                }
+                last += 1;
+            }
+            if !is_above {
+                continue;
+            }
+            // What ends before the segment begins stays.
+            copy(merged, pieces, done, rest..at + 1);
+            (rest, low) = (at, start);
+            while let Some(&(_, piece)) = pieces.get(rest) {
+                let high = end.min(end_of(rest));
+                higher(merged, low, high, piece, line);
+                low = high;
+                if end_of(rest) <= end {
+                    rest += 1;
+                }
+                if low >= end {
+                    break;
                 }
             }
-            done = end;
+            (done, at) = (end, rest);
         }
-        if done < 1.0 {
-            push(&mut merged, done, piece.1);
+        if merged.is_empty() {
+            return;
         }
-        for (start, line) in pieces {
-            push(&mut merged, start, line);
-        }
-        self.merged = mem::replace(&mut self.pieces, merged);
+        copy(merged, pieces, done, rest..pieces.len());
+        mem::swap(pieces, merged);
     }
 
     /// Returns a function that tells the slope of the envelope for directions that do not decrease from call to
@@ -132,6 +159,14 @@ impl Envelope {
                 [] => f64::NEG_INFINITY,
             }
         }
+    }
+}
+
+/// Adds pieces, the first of which begins at `start`.
+fn copy(merged: &mut Vec<(f64, Line)>, pieces: &[(f64, Line)], start: f64, range: core::ops::Range<usize>) {
+    if let Some([first, others @ ..]) = pieces.get(range) {
+        push(merged, start, first.1);
+        merged.extend_from_slice(others);
     }
 }
 

@@ -23,6 +23,8 @@ struct Column {
     first: usize,
     /// Height of each sample above the eye, in world units; NaN if missing.
     above_eye: Vec<f64>,
+    /// Direction and slope at which the eye sees each sample. Without meaning for a column that is not ahead.
+    images: Vec<(f64, f64)>,
 }
 
 /// A quarter of the plan: the directions within an eighth of a turn of its main axis. Samples have an index
@@ -157,25 +159,26 @@ impl Viewshed {
             if !is_first {
                 self.add_between(quarter, center, rounding_of_eye);
                 let mut slopes = self.skyline.slopes();
-                for (offset, above_eye) in self.far.above_eye.iter().enumerate() {
-                    let across = self.far.first + offset;
-                    let aside = across as f64 - center;
+                let samples = self.far.above_eye.iter().zip(&self.far.images);
+                for (across, (above_eye, image)) in (self.far.first..).zip(samples) {
+                    let direction = image.0.abs();
                     let (row, column) = sample(along, across);
                     // A sample in a corner direction belongs to the quarters along rows.
-                    let inside = if quarter.along_row { aside.abs() <= ahead } else { aside.abs() < ahead };
+                    let inside = if quarter.along_row { direction <= 1.0 } else { direction < 1.0 };
                     if above_eye.is_nan()
                         || !inside
-                        || observer.squared_distance(cell, row, column) > reach * reach
+                        || (reach < f64::INFINITY
+                            && observer.squared_distance(cell, row, column) > reach * reach)
                     {
                         continue;
                     }
                     let on_border = across == 0 || across + 1 == width;
-                    let hidden = (slopes(aside / ahead, on_border) * ahead - above_eye).max(0.0);
+                    let hidden = (slopes(image.0, on_border) * ahead - above_eye).max(0.0);
                     let rounding = rounding_of_eye + ROUNDING * (above_eye.abs() + hidden);
                     result(row * columns + column, hidden, rounding);
                 }
                 drop(slopes);
-                self.add_column(center, rounding_of_eye);
+                self.add_column(rounding_of_eye);
             }
             core::mem::swap(&mut self.near, &mut self.far);
             is_first = false;
@@ -190,39 +193,41 @@ impl Viewshed {
     }
 
     /// Adds the edges along the far column.
-    fn add_column(&mut self, center: f64, rounding_of_eye: f64) {
-        let far = &self.far;
-        let ends = || far.above_eye.iter().enumerate().map(|(offset, &above)| far.end(offset, center, above));
-        let lowered = rounding_of_eye / far.ahead;
-        self.skyline.add(ends().zip(ends().skip(1)).filter_map(|(a, b)| Segment::new(a, b, lowered)));
+    fn add_column(&mut self, rounding_of_eye: f64) {
+        let images = &self.far.images;
+        let lowered = rounding_of_eye / self.far.ahead;
+        let pairs = images.iter().zip(images.iter().skip(1));
+        self.skyline.add(pairs.filter_map(|(a, b)| Segment::new(*a, *b, lowered)));
     }
 
     /// Adds the edges between the near and the far column: those across the columns, and the diagonals.
     fn add_between(&mut self, quarter: Quarter, center: f64, rounding_of_eye: f64) {
         let (near, far) = (&self.near, &self.far);
-        // Edges from the sample `across` of the near column to the sample `across + shift` of the far one.
+        let lowered = rounding_of_eye / near.ahead;
+        // The edge from the sample `from` of the near column to the sample `to` of the far one.
         let edge = |from: usize, to: usize| {
-            let (Some(above_near), Some(above_far)) = (near.above_eye_at(from), far.above_eye_at(to)) else {
-                return None;
-            };
-            let start = [near.ahead, from as f64 - center, above_near];
-            let end = [far.ahead, to as f64 - center, above_far];
+            let (from_place, to_place) = (from.checked_sub(near.first)?, to.checked_sub(far.first)?);
             if near.ahead > 0.0 {
-                let image = |[ahead, aside, above]: [f64; 3]| (aside / ahead, above / ahead);
-                return Segment::new(image(start), image(end), rounding_of_eye / near.ahead);
+                let (a, b) = (near.images.get(from_place)?, far.images.get(to_place)?);
+                return Segment::new(*a, *b, lowered);
             }
+            let start = [near.ahead, from as f64 - center, *near.above_eye.get(from_place)?];
+            let end = [far.ahead, to as f64 - center, *far.above_eye.get(to_place)?];
             beside_eye(start, end, rounding_of_eye)
         };
-        let range = near.first.max(far.first)..(near.first + near.above_eye.len());
-        let low = near.first.min(far.first);
-        self.skyline.add(range.filter_map(|across| edge(across, across)));
-        // In the direction of the main axis, diagonals lead to the next sample across if the axis goes towards
-        // greater indices, and to the one before otherwise. On one side of the axis the images of neighbouring
-        // diagonals overlap, but never those of every other one.
-        let end = (near.first + near.above_eye.len()).max(far.first + far.above_eye.len());
-        for parity in [0, 1] {
-            let squares = (low + parity..end).step_by(2);
-            self.skyline.add(squares.filter_map(|across| {
+        let end = near.first + near.above_eye.len();
+        self.skyline.add((near.first..end).filter_map(|across| edge(across, across)));
+        // Seen along the main axis, diagonals lead to the next sample across if the axis goes towards greater
+        // indices, and to the one before otherwise. On the side of the axis that they lead away from, the images of
+        // neighbours follow each other. On the other side they overlap, but never those of every other one.
+        let low = near.first.saturating_sub(1);
+        for second in [false, true] {
+            let is_due = |across: &usize| {
+                let apart =
+                    if quarter.forward { *across as f64 >= center } else { (across + 1) as f64 <= center };
+                if second { !apart && across % 2 == 1 } else { apart || across % 2 == 0 }
+            };
+            self.skyline.add((low..end).filter(is_due).filter_map(|across| {
                 if quarter.forward { edge(across, across + 1) } else { edge(across + 1, across) }
             }));
         }
@@ -240,16 +245,11 @@ impl Column {
         self.first = first;
         self.above_eye.clear();
         self.above_eye.extend((first..last).map(above_eye));
-    }
-
-    /// Returns the height above the eye of the sample with an index across; `None` if it is not kept.
-    fn above_eye_at(&self, across: usize) -> Option<f64> {
-        self.above_eye.get(across.checked_sub(self.first)?).copied()
-    }
-
-    /// Returns the direction and slope of a sample.
-    fn end(&self, offset: usize, center: f64, above_eye: f64) -> (f64, f64) {
-        (((self.first + offset) as f64 - center) / self.ahead, above_eye / self.ahead)
+        self.images.clear();
+        let slope_per_height = 1.0 / ahead;
+        let image =
+            |(across, above): (usize, &f64)| ((across as f64 - center) / ahead, above * slope_per_height);
+        self.images.extend((first..).zip(&self.above_eye).map(image));
     }
 }
 

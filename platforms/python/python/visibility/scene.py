@@ -14,7 +14,7 @@ class Scene(_visibility.Scene):
     @classmethod
     def from_trimesh(cls, source, *, origin=None, two_sided=False):
         """Makes a scene of a ``trimesh.Trimesh`` or ``trimesh.Scene``; of a scene, each placed mesh is an object, in
-        the order of ``source.graph.nodes_geometry``. ``origin``: ``None`` for the middle of the source."""
+        the order of ``source.graph.nodes_geometry`` without those that have no triangles. ``origin``: ``None`` for the middle of the source."""
         if hasattr(source, "graph"):
             meshes = []
             for node in source.graph.nodes_geometry:
@@ -27,9 +27,12 @@ class Scene(_visibility.Scene):
         return cls._from_meshes(meshes, origin, two_sided)
 
     @classmethod
-    def from_ifc(cls, source, *, origin=None, two_sided=True):
+    def from_ifc(
+        cls, source, *, transparent=("IfcWindow", "IfcCurtainWall", "IfcPlate"), origin=None, two_sided=True
+    ):
         """Makes a scene of an ``ifcopenshell.file`` or the path of one. Returns the scene and the GlobalIds of its
-        objects, a list. Needs the package ifcopenshell. Glass (``IfcWindow``) hides nothing, nor do openings."""
+        objects, a list. Needs the package ifcopenshell. ``transparent``: classes that hide nothing; add those of
+        other glass. Openings and spaces are left out."""
         import ifcopenshell
         import ifcopenshell.geom
 
@@ -47,7 +50,7 @@ class Scene(_visibility.Scene):
             if len(triangles) and not product.is_a("IfcOpeningElement") and not product.is_a("IfcSpace"):
                 meshes.append((positions, triangles))
                 names.append(shape.guid)
-                occluders.append(not product.is_a("IfcWindow"))
+                occluders.append(not any(product.is_a(kind) for kind in transparent))
             more = iterator.next()
         return cls._from_meshes(meshes, origin, two_sided, occluders), names
 
