@@ -198,7 +198,7 @@ fn named(error: ViewshedError) -> PyErr {
 /// The surface is made of two triangles per square of four samples, divided from (row, column) to
 /// (row + 1, column + 1). The result is exact on this surface, but for ties within rounding, which are True.
 #[pyfunction]
-#[pyo3(signature = (heights, observer, *, cell_size=CellSize::Square(1.0), observer_height=1.8, target_height=0.0, max_distance=f64::INFINITY, curvature=0.0), text_signature = "(heights, observer, *, cell_size=1.0, observer_height=1.8, target_height=0.0, max_distance=inf, curvature=0.0)")]
+#[pyo3(signature = (heights, observer, *, cell_size=CellSize::Square(1.0), observer_height=1.8, target_height=0.0, max_distance=f64::INFINITY, curvature=0.0), text_signature = "(heights, observer, *, cell_size=1.0, observer_height=1.8, target_height=0.0, max_distance=1e999, curvature=0.0)")]
 #[expect(clippy::too_many_arguments, reason = "named arguments of Python")]
 pub(crate) fn viewshed<'py>(
     py: Python<'py>,
@@ -223,7 +223,7 @@ pub(crate) fn viewshed<'py>(
 /// 0 where the ground is visible; NaN beyond max_distance and where there is no ground. A target at height h
 /// is visible where the result is at most h. The arguments are those of viewshed.
 #[pyfunction]
-#[pyo3(signature = (heights, observer, *, cell_size=CellSize::Square(1.0), observer_height=1.8, max_distance=f64::INFINITY, curvature=0.0), text_signature = "(heights, observer, *, cell_size=1.0, observer_height=1.8, max_distance=inf, curvature=0.0)")]
+#[pyo3(signature = (heights, observer, *, cell_size=CellSize::Square(1.0), observer_height=1.8, max_distance=f64::INFINITY, curvature=0.0), text_signature = "(heights, observer, *, cell_size=1.0, observer_height=1.8, max_distance=1e999, curvature=0.0)")]
 pub(crate) fn hidden_heights<'py>(
     py: Python<'py>,
     heights: &Bound<'py, PyAny>,
@@ -247,7 +247,7 @@ pub(crate) fn hidden_heights<'py>(
 /// observers: (n, 2) float64, row and column of each. threads: None for all cores. The other arguments are those
 /// of viewshed.
 #[pyfunction]
-#[pyo3(signature = (heights, observers, *, cell_size=CellSize::Square(1.0), observer_height=1.8, target_height=0.0, max_distance=f64::INFINITY, curvature=0.0, threads=None), text_signature = "(heights, observers, *, cell_size=1.0, observer_height=1.8, target_height=0.0, max_distance=inf, curvature=0.0, threads=None)")]
+#[pyo3(signature = (heights, observers, *, cell_size=CellSize::Square(1.0), observer_height=1.8, target_height=0.0, max_distance=f64::INFINITY, curvature=0.0, threads=None), text_signature = "(heights, observers, *, cell_size=1.0, observer_height=1.8, target_height=0.0, max_distance=1e999, curvature=0.0, threads=None)")]
 #[expect(clippy::too_many_arguments, reason = "named arguments of Python")]
 pub(crate) fn viewshed_count<'py>(
     py: Python<'py>,

@@ -38,7 +38,7 @@ impl View {
     /// fov_y: vertical field of view in radians. aspect: width over height. near, far: distances of the planes in
     /// metres; far may be infinite.
     #[staticmethod]
-    #[pyo3(signature = (eye, target, *, up=[0.0, 0.0, 1.0], fov_y=1.0, aspect=16.0 / 9.0, near=0.1, far=f64::INFINITY), text_signature = "(eye, target, *, up=(0, 0, 1), fov_y=1.0, aspect=16/9, near=0.1, far=inf)")]
+    #[pyo3(signature = (eye, target, *, up=[0.0, 0.0, 1.0], fov_y=1.0, aspect=16.0 / 9.0, near=0.1, far=f64::INFINITY), text_signature = "(eye, target, *, up=(0, 0, 1), fov_y=1.0, aspect=1.7777777777777777, near=0.1, far=1e999)")]
     fn perspective(
         eye: [f64; 3],
         target: [f64; 3],

@@ -1,5 +1,7 @@
 """What is refused, and in which words. No argument may panic."""
 
+import inspect
+
 import numpy as np
 import pytest
 import visibility
@@ -96,3 +98,14 @@ def test_hostile_numbers_never_panic():
     assert done > 3
     for length in range(40):
         tried(BakedSet.from_bytes, random.bytes(length))
+
+
+def test_signatures_can_be_read():
+    assert inspect.signature(visibility.viewshed).parameters["max_distance"].default == np.inf
+    for kind in (Plan, Scene, View, BakedSet, visibility.UnseenRegion):
+        for name in dir(kind):
+            if not name.startswith("_") and callable(getattr(kind, name)):
+                assert getattr(kind, name).__doc__, f"{kind.__name__}.{name} is documented"
+                inspect.signature(getattr(kind, name))
+    for name in ("viewshed_count", "hidden_heights"):
+        assert "observer_height" in inspect.signature(getattr(visibility, name)).parameters
