@@ -1,5 +1,5 @@
-//! Tests of viewsheds: every sample against all edges of the surface in exact arithmetic, ties, holes, distances,
-//! curvature and hostile numbers.
+//! Tests of viewsheds: every sample against all edges of the surface in exact arithmetic, ties, holes,
+//! distances, curvature and hostile numbers.
 
 use visibility_2d::viewshed::{HeightRaster, Observer, Viewshed, ViewshedError};
 use visibility_testing::Random;
@@ -62,7 +62,8 @@ impl World {
         edges
     }
 
-    /// Returns the height of the surface at a point in quarters: the plane through the triangle that contains it.
+    /// Returns the height of the surface at a point in quarters: the plane through the triangle that contains
+    /// it.
     fn surface(&self, row: i128, column: i128) -> Option<i128> {
         let (r, c) = ((row / QUARTERS) as usize, (column / QUARTERS) as usize);
         let (down, across) = (row % QUARTERS, column % QUARTERS);
@@ -93,8 +94,8 @@ fn area(a: Point, b: Point, c: Point) -> i128 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// Tells whether the segment from eye to target passes below an edge that it crosses on the plan. `closed`: ends
-/// of edges count.
+/// Tells whether the segment from eye to target passes below an edge that it crosses on the plan. `closed`:
+/// ends of edges count.
 fn is_hidden_by(eye: Point, target: Point, [a, b]: [Point; 2], closed: bool) -> bool {
     let (side_a, side_b) = (area(eye, target, a), area(eye, target, b));
     let (side_eye, side_target) = (area(a, b, eye), area(a, b, target));
@@ -182,8 +183,9 @@ fn holes_hide_nothing() {
 
 #[test]
 fn an_edge_beside_a_hole_hides_nothing_exactly_at_its_end() {
-    // A peak between the eye and the last sample of its row. With land all around it hides; if the land on one side is
-    // missing, the line of sight over the peak itself is seen, and one that meets the slope beside the peak is not.
+    // A peak between the eye and the last sample of its row. With land all around it hides; if the land on
+    // one side is missing, the line of sight over the peak itself is seen, and one that meets the slope
+    // beside the peak is not.
     let seen = |holes: &[[usize; 2]]| {
         let mut heights = [[0.0; 5]; 5];
         (heights[2][2], heights[1][2]) = (10.0, 10.0);
@@ -202,8 +204,8 @@ fn an_edge_beside_a_hole_hides_nothing_exactly_at_its_end() {
 
 #[test]
 fn an_eye_on_a_slope_sees_all_of_it() {
-    // Lines of sight along a plane touch every edge; what rounding makes of heights, directions and the eye must
-    // not hide them.
+    // Lines of sight along a plane touch every edge; what rounding makes of heights, directions and the eye
+    // must not hide them.
     let mut random = Random(5);
     for case in 0..200 {
         let size = 2 + random.below(40);
@@ -226,8 +228,8 @@ fn an_eye_on_a_slope_sees_all_of_it() {
 
 #[test]
 fn an_eye_on_a_slope_sees_along_level_lines() {
-    // The eye and all targets of its level are at height 0, so that nothing but rounding of directions and slopes
-    // is left of the heights.
+    // The eye and all targets of its level are at height 0, so that nothing but rounding of directions and
+    // slopes is left of the heights.
     let mut random = Random(8);
     for case in 0..100 {
         let [row, column] = [(); 2].map(|()| random.below(40) as i32);
@@ -246,7 +248,8 @@ fn an_eye_on_a_slope_sees_along_level_lines() {
 
 #[test]
 fn a_wall_hides_up_to_its_shadow() {
-    // A wall 8 high at column 10 and an eye 2 high at column 0: the shadow at column c is up to 2 + 6 * c / 10.
+    // A wall 8 high at column 10 and an eye 2 high at column 0: the shadow at column c is up to 2 + 6 * c /
+    // 10.
     let mut heights = vec![0_i16; 41 * 41];
     for row in 0..41 {
         heights[row * 41 + 10] = 8;
@@ -309,7 +312,7 @@ fn bad_input_is_refused_by_name() {
     let on_ground = Observer::new(1.0, 0.0);
     let refusals = [
         (on_ground, 3, "3 values for 2 rows"),
-        (Observer::new(0.0, 1.0), 4, "column 1.0 is not over the raster, or the ground"),
+        (Observer::new(0.0, 1.0), 4, "column 1.0 is not over the raster, or there is no ground"),
         (Observer::new(f64::NAN, 0.0), 4, "row NaN"),
         (Observer::new(0.0, -0.5), 4, "column -0.5"),
         (Observer::new(1e300, 0.0), 4, "row 1e300"),

@@ -1,10 +1,10 @@
 //! Arrays at the border: what is accepted, by name, and how points are read from them.
 
-use crate::refused;
+use crate::error::refused;
 use core::fmt::Write;
 use numpy::{
-    Element, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
-    PyUntypedArrayMethods,
+    Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn,
+    PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
@@ -69,8 +69,8 @@ pub(crate) fn floats<'py>(
     array(name, &made, shape)
 }
 
-/// Accepts indices: an array of `uint32`, `int64`, `int32` or `uint64`, or lists of numbers, of which all but the
-/// first kind are copied.
+/// Accepts indices: an array of `uint32`, `int64`, `int32` or `uint64`, or lists of numbers, of which all but
+/// the first kind are copied.
 pub(crate) fn indices<'py>(
     name: &str,
     value: &Bound<'py, PyAny>,
@@ -158,4 +158,9 @@ pub(crate) fn given_text(value: &Bound<'_, PyAny>) -> String {
 
 fn type_text(dtype: &Bound<'_, PyAny>) -> String {
     dtype.str().map_or_else(|_| "?".into(), |text| text.to_string())
+}
+
+/// Makes an array `(n, 2)` of points.
+pub(crate) fn points_array<'py>(py: Python<'py>, points: &[[f64; 2]]) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    PyArray1::from_slice(py, points.as_flattened()).reshape([points.len(), 2])
 }

@@ -1,7 +1,7 @@
 //! Baked sets: what is seen from each of many boxes, for lookup.
 
 use crate::arrays::{self, BOXES, POINTS_3D};
-use crate::refused;
+use crate::error::refused;
 use crate::scene::Scene;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;

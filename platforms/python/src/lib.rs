@@ -1,26 +1,22 @@
 //! The Python package `visibility`: numpy arrays in and out, on the visibility crates.
 //!
-//! All work is done without the interpreter's lock. What is wrong with an argument is a `ValueError` that begins
-//! with the argument's name. The documentation for users is in `python/visibility/_visibility.pyi` and in the
-//! docstrings here.
+//! All work is done without the interpreter's lock. What is wrong with an argument is a `ValueError` that
+//! begins with the argument's name. The documentation for users is in `python/visibility/_visibility.pyi` and
+//! in the docstrings here.
 
 mod arrays;
 mod baked;
+mod error;
 mod measure;
 mod plan;
 mod region;
 mod scene;
+mod scene_methods;
 mod terrain;
 mod unseen;
 mod view;
 
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-
-/// Makes a `ValueError` of an argument's name and what is wrong with it.
-fn refused(name: &str, what: impl core::fmt::Display) -> PyErr {
-    PyValueError::new_err(format!("{name}: {what}"))
-}
 
 /// Native part of the package; import `visibility` instead.
 #[pymodule]

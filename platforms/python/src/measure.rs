@@ -1,7 +1,7 @@
 //! The judge: which object each pixel really shows.
 
 use crate::arrays::{self, LIST};
-use crate::refused;
+use crate::error::refused;
 use crate::scene::Scene;
 use crate::view::View;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
@@ -41,7 +41,8 @@ pub(crate) fn item_buffer<'py>(
     PyArray1::from_vec(py, items).reshape([height as usize, width as usize])
 }
 
-/// Returns the objects that are not in a set though a pixel shows them, and how many of the set no pixel shows.
+/// Returns the objects that are not in a set though a pixel shows them, and how many of the set no pixel
+/// shows.
 pub(crate) fn compare<'py>(
     scene: &Scene,
     py: Python<'py>,

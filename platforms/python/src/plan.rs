@@ -1,7 +1,7 @@
 //! Floor plans.
 
-use crate::arrays::{self, Axis, POINTS_2D};
-use crate::refused;
+use crate::arrays::{self, Axis, POINTS_2D, points_array};
+use crate::error::{named, refused};
 use crate::unseen::UnseenRegion;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
@@ -13,26 +13,12 @@ use visibility_2d::cdt::{
 
 /// Walls on a plan, triangulated: who sees what among them, exactly.
 ///
-/// walls: (n, 2, 2) float64: n segments, their two ends, x and y in metres. They may cross, touch and overlap.
+/// walls: (n, 2, 2) float64: n segments, their two ends, x and y in metres. They may cross, touch and
+///     overlap.
 /// margin: how far the plan extends around the walls, in metres; None for a tenth of their extent.
 #[pyclass(module = "visibility", subclass)]
 pub(crate) struct Plan {
     plan: Arc<cdt::Plan>,
-}
-
-/// What an error is about, by the arguments of a query.
-pub(crate) fn named(name: &'static str) -> impl Fn(PlanError) -> PyErr {
-    move |error| match error {
-        PlanError::UnknownWall { .. } => refused("wall", error),
-        PlanError::Heights => refused("heights", error),
-        PlanError::VisibilityGraph => refused("plan", error),
-        _ => refused(name, error),
-    }
-}
-
-/// Makes an array `(n, 2)` of points.
-pub(crate) fn points_array<'py>(py: Python<'py>, points: &[[f64; 2]]) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    PyArray1::from_slice(py, points.as_flattened()).reshape([points.len(), 2])
 }
 
 impl Plan {
@@ -113,8 +99,8 @@ impl Plan {
         points_array(py, &self.plan.bounds())
     }
 
-    /// Lets a wall block sight ("opaque"), let it through ("clear"), or through from its right alone ("one_way"):
-    /// doors and windows. Other objects made from the plan keep it as it was.
+    /// Lets a wall block sight ("opaque"), let it through ("clear"), or through from its right alone
+    /// ("one_way"): doors and windows. Other objects made from the plan keep it as it was.
     fn set_opacity(&mut self, wall: u32, opacity: &str) -> PyResult<()> {
         let opacity = match opacity {
             "opaque" => Opacity::Opaque,
@@ -127,9 +113,9 @@ impl Plan {
 
     /// Corners of what an eye sees, counter-clockwise: (k, 2) float64, in metres.
     ///
-    /// eye: x and y. range: greatest distance in metres; arcs become chords. sector: two points; the eye sees from
-    /// the direction of the first counter-clockwise to that of the second. through: opaque walls that sight
-    /// passes. The eye is a corner if it does not see all around.
+    /// eye: x and y. range: greatest distance in metres; arcs become chords. sector: two points; the eye sees
+    /// from the direction of the first counter-clockwise to that of the second. through: opaque walls that
+    /// sight passes. The eye is a corner if it does not see all around.
     #[pyo3(signature = (eye, *, range=f64::INFINITY, sector=None, through=0))]
     fn visibility_polygon<'py>(
         &self,
@@ -187,8 +173,8 @@ impl Plan {
         Ok(PyArray1::from_vec(py, areas))
     }
 
-    /// Whether the segments from each point of a to that of b meet no opaque wall: bool (n,) for a and b (n, 2)
-    /// float64. Exact.
+    /// Whether the segments from each point of a to that of b meet no opaque wall: bool (n,) for a and b (n,
+    /// 2) float64. Exact.
     fn sees<'py>(
         &self,
         py: Python<'py>,
@@ -199,7 +185,7 @@ impl Plan {
         Ok(PyArray1::from_vec(py, found))
     }
 
-    /// Where rays from eyes through points first meet a wall: points (n, 2) float64 and wall numbers int64 (n,),
+    /// Where rays from eyes through points first meet a wall, (n, 2) float64, and that wall's number, int64 (n,):
     /// -1 for rays that leave the plan, whose point is on its border. NaN for a ray without a direction.
     #[expect(clippy::type_complexity, reason = "a pair of arrays")]
     fn rays<'py>(
@@ -216,8 +202,8 @@ impl Plan {
         Ok((points_array(py, &points)?, PyArray1::from_vec(py, walls)))
     }
 
-    /// What can be seen from somewhere in the convex hull of points: numbers of walls uint32 (k,), ascending, and
-    /// the triangles of the plan that are seen at least in part, (m, 3, 2) float64, in metres.
+    /// What can be seen from somewhere in the convex hull of points: numbers of walls uint32 (k,), ascending,
+    /// and the triangles of the plan that are seen at least in part, (m, 3, 2) float64, in metres.
     ///
     /// points: (n, 2) float64. Sight from within the region, on its side of walls that cross it, is exact.
     #[expect(clippy::type_complexity, reason = "a pair of arrays")]
@@ -240,8 +226,8 @@ impl Plan {
 
     /// Few points that together see all that can be reached from starts: an art gallery's guards.
     ///
-    /// Returns guards (g, 2) and witnesses (w, 2), float64: no point off the walls sees two witnesses, so that at
-    /// least w guards are needed. starts: (n, 2) float64, a point in each hall.
+    /// Returns guards (g, 2) and witnesses (w, 2), float64: no point off the walls sees two witnesses, so
+    /// that at least w guards are needed. starts: (n, 2) float64, a point in each hall.
     #[expect(clippy::type_complexity, reason = "a pair of arrays")]
     fn guards<'py>(
         &self,
@@ -259,8 +245,8 @@ impl Plan {
         UnseenRegion::reachable(py, &self.plan, starts)
     }
 
-    /// The shortest path from one point to another around walls: (k, 2) float64, in metres, or None if there is
-    /// none.
+    /// The shortest path from one point to another around walls: (k, 2) float64, in metres, or None if there
+    /// is none.
     fn shortest_path<'py>(
         &self,
         py: Python<'py>,

@@ -1,7 +1,7 @@
 //! What can be seen from a box.
 
 use crate::arrays::{self, Axis};
-use crate::refused;
+use crate::error::refused;
 use crate::scene::{Scene, ids_array};
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;

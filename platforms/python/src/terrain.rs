@@ -1,7 +1,7 @@
 //! Viewsheds of rasters of heights.
 
 use crate::arrays::{self, Input, POINTS_2D, RASTER};
-use crate::refused;
+use crate::error::refused;
 use numpy::{
     Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
 };
@@ -193,7 +193,8 @@ fn named(error: ViewshedError) -> PyErr {
 /// observer_height: height of the eye above the surface, in metres.
 /// target_height: height of the targets above the ground at their samples, in metres.
 /// max_distance: samples farther than this along the plan, in metres, are False.
-/// curvature: each sample is lowered by this times its squared distance; 6.7e-8 for the earth with refraction.
+/// curvature: each sample is lowered by this times its squared distance; 6.7e-8 for the earth with
+///     refraction.
 ///
 /// The surface is made of two triangles per square of four samples, divided from (row, column) to
 /// (row + 1, column + 1). The result is exact on this surface, but for ties within rounding, which are True.
@@ -244,8 +245,8 @@ pub(crate) fn hidden_heights<'py>(
 
 /// How many of many observers see each sample: uint32 (rows, columns).
 ///
-/// observers: (n, 2) float64, row and column of each. threads: None for all cores. The other arguments are those
-/// of viewshed.
+/// observers: (n, 2) float64, row and column of each. threads: None for all cores. The other arguments are
+/// those of viewshed.
 #[pyfunction]
 #[pyo3(signature = (heights, observers, *, cell_size=CellSize::Square(1.0), observer_height=1.8, target_height=0.0, max_distance=f64::INFINITY, curvature=0.0, threads=None), text_signature = "(heights, observers, *, cell_size=1.0, observer_height=1.8, target_height=0.0, max_distance=1e999, curvature=0.0, threads=None)")]
 #[expect(clippy::too_many_arguments, reason = "named arguments of Python")]

@@ -1,8 +1,7 @@
 //! What nobody has seen of a plan yet.
 
-use crate::arrays::{self, POINTS_2D};
-use crate::plan::{named, points_array};
-use crate::refused;
+use crate::arrays::{self, POINTS_2D, points_array};
+use crate::error::{named, refused};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use std::sync::Arc;

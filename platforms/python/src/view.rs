@@ -1,13 +1,14 @@
 //! Cameras.
 
 use crate::arrays::{self, Axis};
-use crate::refused;
+use crate::error::refused;
 use pyo3::prelude::*;
 use visibility_core::glam::DVec3;
 use visibility_core::view::{Depth, Window};
 use visibility_core::{Pose, view};
 
-/// A camera. Worlds are right-handed unless a matrix says otherwise; lengths are in metres, angles in radians.
+/// A camera. Worlds are right-handed unless a matrix says otherwise; lengths are in metres, angles in
+/// radians.
 #[pyclass(module = "visibility", frozen)]
 pub(crate) struct View {
     pub(crate) view: view::View,
@@ -35,8 +36,8 @@ impl View {
     /// A perspective camera at eye that looks towards target; the picture's upper edge is towards up, +z by
     /// default.
     ///
-    /// fov_y: vertical field of view in radians. aspect: width over height. near, far: distances of the planes in
-    /// metres; far may be infinite.
+    /// fov_y: vertical field of view in radians. aspect: width over height. near, far: distances of the
+    /// planes in metres; far may be infinite.
     #[staticmethod]
     #[pyo3(signature = (eye, target, *, up=[0.0, 0.0, 1.0], fov_y=1.0, aspect=16.0 / 9.0, near=0.1, far=f64::INFINITY), text_signature = "(eye, target, *, up=(0, 0, 1), fov_y=1.0, aspect=1.7777777777777777, near=0.1, far=1e999)")]
     fn perspective(
@@ -53,8 +54,8 @@ impl View {
         Ok(Self { view })
     }
 
-    /// A camera with parallel lines of sight, such as a map or a shadow of the sun: the picture is width by height
-    /// metres, and holds what is near to far metres in front of eye.
+    /// A camera with parallel lines of sight, such as a map or a shadow of the sun: the picture is width by
+    /// height metres, and holds what is near to far metres in front of eye.
     #[staticmethod]
     #[pyo3(signature = (eye, target, width, height, *, up=[0.0, 0.0, 1.0], near=0.1, far=1000.0), text_signature = "(eye, target, width, height, *, up=(0, 0, 1), near=0.1, far=1000.0)")]
     fn orthographic(
@@ -71,9 +72,9 @@ impl View {
         Ok(Self { view })
     }
 
-    /// The camera of a matrix from world to clip space, (4, 4) float64, for column vectors: clip = matrix @ world,
-    /// so that the last column translates. depth: "negative_one_to_one" (OpenGL), "zero_to_one" or "reversed"
-    /// (near plane at 1).
+    /// The camera of a matrix from world to clip space, (4, 4) float64, for column vectors: clip = matrix @
+    /// world, so that the last column translates. depth: "negative_one_to_one" (OpenGL), "zero_to_one" or
+    /// "reversed" (near plane at 1).
     #[staticmethod]
     #[pyo3(signature = (matrix, *, depth="negative_one_to_one"))]
     fn from_matrix(matrix: &Bound<'_, PyAny>, depth: &str) -> PyResult<Self> {

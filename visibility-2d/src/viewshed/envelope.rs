@@ -34,9 +34,10 @@ pub(super) struct Envelope {
     merged: Vec<(f64, Line)>,
 }
 
-/// Relative rounding of what a segment is made of: a direction is a quotient of differences of numbers as given, and
-/// a slope a product of such a difference and a reciprocal, so each is off by at most 4 half units in the last place. A slope along the line adds the
-/// roundings of two differences, a quotient, a product and a sum.
+/// Relative rounding of what a segment is made of: a direction is a quotient of differences of numbers as
+/// given, and a slope a product of such a difference and a reciprocal, so each is off by at most 4 half units
+/// in the last place. A slope along the line adds the roundings of two differences, a quotient, a product and
+/// a sum.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 impl Line {
@@ -48,9 +49,9 @@ impl Line {
 }
 
 impl Segment {
-    /// Makes the segment between two ends, each a direction and a slope, in any order. Its slopes are lowered by the
-    /// bound on their roundings (see [`ROUNDING`]) and by `lowered`. `None` for a segment along one direction, and for
-    /// one with an end that is NaN.
+    /// Makes the segment between two ends, each a direction and a slope, in any order. Its slopes are lowered
+    /// by the bound on their roundings (see [`ROUNDING`]) and by `lowered`. `None` for a segment along one
+    /// direction, and for one with an end that is NaN.
     pub(super) fn new(a: (f64, f64), b: (f64, f64), lowered: f64) -> Option<Self> {
         let (a, b) = if a.0 <= b.0 { (a, b) } else { (b, a) };
         (b.0 > a.0 && !a.1.is_nan() && !b.1.is_nan()).then_some(Self { a, b, lowered })
@@ -79,14 +80,14 @@ impl Envelope {
     }
 
     /// Adds segments that come by direction and do not overlap. What an end that rounding has put before the
-    /// end of the last segment overlaps is left out. Most segments are below the envelope: nothing is written for
-    /// these.
+    /// end of the last segment overlaps is left out. Most segments are below the envelope: nothing is written
+    /// for these.
     pub(super) fn add(&mut self, segments: impl Iterator<Item = Segment>) {
         let Self { pieces, merged } = self;
         merged.clear();
         let end_of = |piece: usize| pieces.get(piece + 1).map_or(1.0, |next: &(f64, Line)| next.0);
-        // The piece at the beginning of the segment; up to which direction the envelope is merged; and the piece
-        // there.
+        // The piece at the beginning of the segment; up to which direction the envelope is merged; and the
+        // piece there.
         let (mut at, mut done, mut rest) = (0, -1.0, 0);
         for segment in segments {
             let (start, end) = (segment.a.0.max(done), segment.b.0.min(1.0));
@@ -138,10 +139,10 @@ impl Envelope {
         mem::swap(pieces, merged);
     }
 
-    /// Returns a function that tells the slope of the envelope for directions that do not decrease from call to
-    /// call. Where two pieces meet, the lower of their slopes counts: they differ beside holes alone. In a
-    /// direction along the border of the raster (`true`) it is the higher, since the other side has no terrain.
-    /// Minus infinity where there is nothing.
+    /// Returns a function that tells the slope of the envelope for directions that do not decrease from call
+    /// to call. Where two pieces meet, the lower of their slopes counts: they differ beside holes alone. In a
+    /// direction along the border of the raster (`true`) it is the higher, since the other side has no
+    /// terrain. Minus infinity where there is nothing.
     pub(super) fn slopes(&self) -> impl FnMut(f64, bool) -> f64 + '_ {
         let mut rest = self.pieces.as_slice();
         move |direction, on_border| {

@@ -14,13 +14,15 @@
 //! **Rounding.** Answers are exact but for ties: what is hidden by less than some 1e-14 of the heights and
 //! slopes involved counts as visible. So nothing visible is reported as hidden.
 //!
-//! **Method.** A plane one column away from the eye shows every edge of a quarter of the terrain as a straight
+//! **Method.** A plane one column away from the eye shows every edge of a quarter of the terrain as a
+//! straight
 //! segment: the direction in the plan along, the slope upwards. The upper envelope of the segments of all
 //! columns up to one is the skyline that the samples of the next column are compared with. The envelope is
 //! merged column by column, so that a raster of `n` samples takes time in proportion to `n` and the pieces of
 //! the skyline; the latter are as many as a column has samples on real terrain. The idea of a skyline that
 //! grows from front to back is that of *Reif, Sen: An efficient output-sensitive hidden-surface removal
-//! algorithm and its parallelization (1988)*; the sweep by columns instead of single edges is due to the grid.
+//! algorithm and its parallelization (1988)*; the sweep by columns instead of single edges is due to the
+//! grid.
 //!
 //! ```
 //! use visibility_2d::viewshed::{HeightRaster, Observer, Viewshed};

@@ -108,7 +108,8 @@ impl Observer {
     /// Returns the eye: its height is that of the surface below it and its height above that.
     ///
     /// # Errors
-    /// [`ViewshedError::Observer`] if the position is not over the raster, or the surface has no height there.
+    /// [`ViewshedError::Observer`] if the position is not over the raster, or the surface has no height
+    /// there.
     pub(super) fn eye<T: Copy + Into<f64>>(
         &self,
         raster: &HeightRaster<'_, T>,

@@ -38,8 +38,8 @@ pub enum ViewshedError {
         /// Position given, as fractional row and column.
         position: [f64; 2],
     },
-    /// The observer's height or the target height is no number in 0 to 1e60, or the curvature none in -1e60 to
-    /// 1e60.
+    /// The observer's height or the target height is no number in 0 to 1e60, or the curvature none in -1e60
+    /// to 1e60.
     Height {
         /// The number given.
         height: f64,
@@ -52,8 +52,9 @@ pub enum ViewshedError {
 }
 
 impl<'a, T: Copy + Into<f64>> HeightRaster<'a, T> {
-    /// Makes a raster of `rows` times `columns` heights in world units. `cell` holds the distance between rows
-    /// and that between columns, in world units. A height that is NaN, infinite or above 1e60 in absolute
+    /// Makes a raster of `rows` times `columns` heights in world units. `cell` holds the distance between
+    /// rows and that between columns, in world units. A height that is NaN, infinite or above 1e60 in
+    /// absolute
     /// value is missing: its sample is never visible, and it and the edges at it hide nothing.
     ///
     /// # Errors
@@ -109,7 +110,7 @@ impl fmt::Display for ViewshedError {
             }
             Self::Observer { position: [row, column] } => write!(
                 f,
-                "the observer at row {row:?}, column {column:?} is not over the raster, or the ground has no height there"
+                "the observer at row {row:?}, column {column:?} is not over the raster, or there is no ground"
             ),
             Self::Height { height } => {
                 write!(f, "the height or curvature {height:?} is negative, or no number up to 1e60")

@@ -79,7 +79,8 @@ impl Viewshed {
         Ok(())
     }
 
-    /// Writes to `heights`, by sample and row after row, up to which height above its ground the terrain hides
+    /// Writes to `heights`, by sample and row after row, up to which height above its ground the terrain
+    /// hides
     /// a target, in world units: 0 where the ground is visible. The observer's target height is not used. NaN
     /// for samples beyond the greatest distance, and for those without a height. Takes as long as
     /// [`look`](Self::look).
@@ -218,8 +219,9 @@ impl Viewshed {
         let end = near.first + near.above_eye.len();
         self.skyline.add((near.first..end).filter_map(|across| edge(across, across)));
         // Seen along the main axis, diagonals lead to the next sample across if the axis goes towards greater
-        // indices, and to the one before otherwise. On the side of the axis that they lead away from, the images of
-        // neighbours follow each other. On the other side they overlap, but never those of every other one.
+        // indices, and to the one before otherwise. On the side of the axis that they lead away from, the
+        // images of neighbours follow each other. On the other side they overlap, but never those of every
+        // other one.
         let low = near.first.saturating_sub(1);
         for second in [false, true] {
             let is_due = |across: &usize| {
@@ -235,7 +237,8 @@ impl Viewshed {
 }
 
 impl Column {
-    /// Fills the column with the samples of a quarter at a distance `ahead` of the eye, and two columns' worth
+    /// Fills the column with the samples of a quarter at a distance `ahead` of the eye, and two columns'
+    /// worth
     /// more to either side: a diagonal from there may lead into the quarter.
     fn fill(&mut self, ahead: f64, center: f64, width: usize, above_eye: impl FnMut(usize) -> f64) {
         let reach = ahead.max(0.0) + 2.0;
@@ -267,9 +270,9 @@ fn checked<T: Copy + Into<f64>>(
     Ok(eye)
 }
 
-/// Makes the segment of an edge that begins at or behind the eye: its part inside the quarter. Points are ahead of
-/// the eye, aside of it and above it. The part may begin at any distance from the eye, however small, so that the
-/// bound on rounding grows as that distance shrinks.
+/// Makes the segment of an edge that begins at or behind the eye: its part inside the quarter. Points are
+/// ahead of the eye, aside of it and above it. The part may begin at any distance from the eye, however
+/// small, so that the bound on rounding grows as that distance shrinks.
 fn beside_eye(start: [f64; 3], end: [f64; 3], rounding_of_eye: f64) -> Option<Segment> {
     let (mut low, mut high) = (0.0_f64, 1.0_f64);
     for side in [1.0, -1.0] {
