@@ -74,7 +74,7 @@ impl Observer {
                 return Err(ViewshedError::Height { height });
             }
         }
-        if !(self.curvature.abs() <= GREATEST_HEIGHT) {
+        if self.curvature.is_nan() || self.curvature.abs() > GREATEST_HEIGHT {
             return Err(ViewshedError::Height { height: self.curvature });
         }
         if self.max_distance.is_nan() || self.max_distance < 0.0 {

@@ -227,7 +227,8 @@ impl Viewshed {
             let is_due = |across: &usize| {
                 let apart =
                     if quarter.forward { *across as f64 >= center } else { (across + 1) as f64 <= center };
-                if second { !apart && across % 2 == 1 } else { apart || across % 2 == 0 }
+                let is_first = apart || across.is_multiple_of(2);
+                is_first != second
             };
             self.skyline.add((low..end).filter(is_due).filter_map(|across| {
                 if quarter.forward { edge(across, across + 1) } else { edge(across + 1, across) }
