@@ -185,7 +185,7 @@ impl Plan {
         Ok(PyArray1::from_vec(py, found))
     }
 
-    /// Where rays from eyes through points first meet a wall, (n, 2) float64, and that wall's number, int64 (n,):
+    /// Where rays from eyes through points first meet a wall, (n, 2) float64, and its number, int64 (n,):
     /// -1 for rays that leave the plan, whose point is on its border. NaN for a ray without a direction.
     #[expect(clippy::type_complexity, reason = "a pair of arrays")]
     fn rays<'py>(
