@@ -10,6 +10,7 @@
 //! - [`horizon`]: culls objects below the skyline of houses and tree crowns.
 //! - [`virtual_occluders`]: a few upright rectangles that stand for the occlusion of all houses around a
 //!   viewcell.
+//! - [`viewshed`]: which samples of a raster of heights an observer sees over the terrain.
 #![no_std]
 #![warn(missing_debug_implementations)]
 #![forbid(unsafe_code)]
@@ -24,6 +25,7 @@ pub mod horizon;
 mod median_order;
 #[cfg(feature = "papers")]
 pub mod view_cdt;
+pub mod viewshed;
 pub mod virtual_occluders;
 
 #[cfg(doctest)]

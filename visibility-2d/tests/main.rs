@@ -20,6 +20,7 @@ mod plan_unseen;
 mod view_cdt_margins;
 #[cfg(feature = "papers")]
 mod view_cdt_rays;
+mod viewshed;
 mod virtual_occluders;
 
 #[global_allocator]

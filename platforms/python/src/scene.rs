@@ -1,0 +1,105 @@
+//! Scenes, and how objects come into them.
+
+use crate::error::refused;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
+use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::occlusion::{Preparation, prepare};
+use visibility_core::scene::Triangle;
+use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Pipeline, scene};
+use visibility_occluders::LevelOccluders;
+
+/// Objects with boxes and triangles, of which cameras and regions see some.
+///
+/// Objects are numbered from 0 in the order in which they are added. Coordinates are in metres, of any axes;
+/// they are kept in single precision relative to origin, so choose an origin amid the scene. two_sided:
+/// whether triangles hide from behind as well, for models whose faces do not all face outwards.
+#[pyclass(module = "visibility", subclass)]
+pub(crate) struct Scene {
+    pub(crate) scene: scene::Scene,
+    pub(crate) two_sided: bool,
+    /// Large occluders made of the triangles of many objects.
+    pub(crate) level: Option<Arc<LevelOccluders>>,
+    /// Pipelines kept from call to call, so that their memory is: the frustum alone, and with the z-buffer.
+    /// Each is taken out while it works.
+    pub(crate) pipelines: Mutex<[Vec<Pipeline>; 2]>,
+}
+
+impl Scene {
+    pub(crate) fn scene(&self) -> &scene::Scene {
+        &self.scene
+    }
+
+    /// Returns a box of the scene that contains a box of the world.
+    pub(crate) fn bounds_of(&self, [a, b, c, d, e, f]: [f64; 6]) -> Aabb {
+        Aabb::from_world(DVec3::new(a, b, c), DVec3::new(d, e, f), self.scene.origin())
+    }
+
+    /// Returns a point of the world relative to the scene's origin, rounded to the nearest.
+    pub(crate) fn relative(&self, point: [f64; 3]) -> Vec3 {
+        (DVec3::from_array(point) - self.scene.origin()).as_vec3()
+    }
+
+    /// Returns the triangles of a solid box, with corners rounded to the nearest.
+    pub(crate) fn box_triangles(&self, [a, b, c, d, e, f]: [f64; 6]) -> Option<Vec<Triangle>> {
+        let corners = Aabb::new(self.relative([a, b, c]), self.relative([d, e, f]));
+        let corners = corners.is_proper().then(|| corners.corners())?;
+        let triangle = |indices: [u32; 3]| {
+            let [a, b, c] = indices.map(|index| corners.get(index as usize).copied());
+            Some([a?, b?, c?])
+        };
+        OccluderMesh::CUBOID.into_iter().map(triangle).collect()
+    }
+
+    /// Inserts an object. With triangles it may hide others.
+    pub(crate) fn insert(
+        &mut self,
+        bounds: Aabb,
+        triangles: Option<Vec<Triangle>>,
+        occluder: bool,
+    ) -> PyResult<ObjectId> {
+        let occluder = occluder && triangles.is_some();
+        let id = self.scene.insert(Object { occluder, ..Object::new(bounds) });
+        if let Some(triangles) = triangles {
+            let settings = Preparation::default().with_two_sided(self.two_sided);
+            let mesh = if occluder { prepare(&triangles, &settings) } else { None };
+            let placed = self.scene.set_triangles(id, triangles).and_then(|()| {
+                let Some(mesh) = mesh else { return Ok(()) };
+                let mesh = self.scene.add_mesh(mesh);
+                self.scene.set_mesh(id, mesh, Affine3A::IDENTITY)
+            });
+            placed.map_err(|error| refused("positions", error))?;
+        }
+        if occluder && self.level.take().is_some() {
+            self.forget_pipelines();
+        }
+        Ok(id)
+    }
+
+    /// Drops the pipelines, whose z-buffers hold other joined occluders.
+    pub(crate) fn forget_pipelines(&mut self) {
+        *self.pipelines.get_mut().unwrap_or_else(PoisonError::into_inner) = Default::default();
+    }
+
+    /// Makes a mask of objects.
+    pub(crate) fn mask(&self, ids: impl IntoIterator<Item = ObjectId>) -> Vec<bool> {
+        let mut mask = vec![false; self.scene.index_limit()];
+        for id in ids {
+            if let Some(seen) = mask.get_mut(id.index()) {
+                *seen = true;
+            }
+        }
+        mask
+    }
+}
+
+/// Makes an array of the numbers of objects, ascending.
+pub(crate) fn ids_array<'py>(
+    py: Python<'py>,
+    ids: impl IntoIterator<Item = ObjectId>,
+) -> Bound<'py, PyArray1<u32>> {
+    let mut numbers: Vec<u32> = ids.into_iter().map(|id| id.index() as u32).collect();
+    numbers.sort_unstable();
+    PyArray1::from_vec(py, numbers)
+}

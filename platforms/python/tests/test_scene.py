@@ -1,0 +1,242 @@
+"""Scenes: culling, regions, bakes, the judge, and scenes of other packages."""
+
+import json
+import threading
+
+import numpy as np
+import pytest
+from visibility import BakedSet, Scene, View
+
+WALL = [(5.0, -10.0, -10.0), (5.5, 10.0, 10.0)]
+LAMP = [(8.0, -1.0, -1.0), (9.0, 1.0, 1.0)]
+BEHIND = [(-9.0, -1.0, -1.0), (-8.0, 1.0, 1.0)]
+
+
+@pytest.fixture
+def street():
+    """A wall, a lamp behind the wall, and a box behind the eye."""
+    scene = Scene()
+    assert scene.add_boxes([WALL, LAMP, BEHIND]).tolist() == [0, 1, 2]
+    return scene
+
+
+AHEAD = View.perspective((0, 0, 0), (1, 0, 0))
+
+
+def city(blocks, seed=1):
+    """Houses of a street grid, (n, 2, 3)."""
+    random = np.random.default_rng(seed)
+    place = np.stack(np.meshgrid(np.arange(blocks), np.arange(blocks)), axis=-1).reshape(-1, 2) * 30.0
+    low = np.column_stack([place + 5.0, np.zeros(len(place))])
+    high = np.column_stack([place + 25.0, random.uniform(5.0, 40.0, len(place))])
+    return np.stack([low, high], axis=1)
+
+
+def test_cull(street):
+    assert street.cull(AHEAD).tolist() == [0]
+    assert street.cull(AHEAD, occlusion=False).tolist() == [0, 1]
+    assert street.cull(AHEAD, mask=True).tolist() == [True, False, False]
+    back = View.orthographic((0, 0, 0), (-1, 0, 0), 4.0, 4.0)
+    assert street.cull(back).tolist() == [2]
+    assert len(street) == 3 and repr(street) == "Scene(3 objects)"
+    assert (street.bounds[0, 0] <= WALL[0]).all() and street.bounds.shape == (3, 2, 3)
+
+
+def test_matrix_and_pose_are_one_camera(street):
+    # OpenGL, from the eye at 0 along +x with up z: clip x = -y, clip y = z, w = x; fov 90 degrees.
+    near, far = 0.1, 100.0
+    a, b = (far + near) / (far - near), -2 * far * near / (far - near)
+    matrix = np.array([[0, -1, 0, 0], [0, 0, 1, 0], [a, 0, 0, b], [1, 0, 0, 0]], dtype=np.float64)
+    assert street.cull(View.from_matrix(matrix), occlusion=False).tolist() == [0, 1]
+    assert street.cull(View.from_matrix(np.ascontiguousarray(matrix)[[0, 1, 2, 3]])).tolist() == [0]
+    assert "eye" in repr(AHEAD) or "View(" in repr(AHEAD)
+
+
+def test_boxes_without_shape_move_and_hide_nothing():
+    scene = Scene(origin=(1e6, 0, 0))
+    boxes = np.array([WALL, LAMP]) + (1e6, 0, 0)
+    ids = scene.add_boxes(boxes, solid=False)
+    view = View.perspective((1e6, 0, 0), (1e6 + 1, 0, 0))
+    assert scene.cull(view).tolist() == [0, 1]
+    scene.move_boxes(ids[:1], boxes[:1] - (50, 0, 0))
+    assert scene.cull(view).tolist() == [1]
+    scene.add_boxes(boxes[:1])
+    with pytest.raises(ValueError, match="ids: object 2 has triangles"):
+        scene.move_boxes([2], boxes[:1])
+
+
+def test_no_culler_misses_what_pixels_show():
+    scene = Scene(origin=(300, 300, 0))
+    scene.add_boxes(city(20))
+    random = np.random.default_rng(2)
+    for frame in range(6):
+        block = random.integers(2, 18, 2) * 30.0
+        eye = (*block, 1.7)
+        view = View.perspective(eye, (*(block + random.normal(0, 1, 2)), 1.7))
+        ids = scene.cull(view)
+        missed, in_vain = scene.compare(view, ids)
+        assert missed.tolist() == [], frame
+        assert len(ids) < 200, frame
+        shown = np.unique(scene.item_buffer(view))
+        assert set(shown[shown >= 0]) <= set(ids), frame
+        # The judge finds what is missing.
+        missed, _ = scene.compare(view, ids[1:])
+        assert set(missed) <= {ids[0]}
+    assert scene.compare(view, [])[0].tolist() == shown[shown >= 0].tolist()
+    assert scene.item_buffer(view, size=(64, 36)).shape == (36, 64)
+
+
+def test_joined_occluders_hide_through_seams():
+    # A wall of tiles that share corners: no tile covers the lamp.
+    scene = Scene()
+    y, z = np.meshgrid(np.arange(-10, 10), np.arange(-10, 10))
+    for corner in np.column_stack([y.ravel(), z.ravel()]) * 0.5:
+        points = np.array([(5.0, *(corner + step)) for step in ((0, 0), (0.5, 0), (0.5, 0.5), (0, 0.5))])
+        scene.add_mesh(points, [(0, 2, 1), (0, 3, 2)])
+    lamp = scene.add_boxes([[(8, -0.2, -0.2), (8.2, 0.2, 0.2)]])[0]
+    polygons = scene.join_occluders()
+    assert polygons < 100
+    assert lamp not in scene.cull(AHEAD)
+    scene.add_boxes([BEHIND])
+    assert 400 in scene.cull(AHEAD) or lamp not in scene.cull(AHEAD)
+
+
+def test_regions(street):
+    region = [(-1, -1, -1), (0, 1, 1)]
+    assert street.seen_from_region(region).tolist() == [0, 2]
+    seen, hidden, undecided, sights = street.prove_from_region(region)
+    assert (seen.tolist(), hidden.tolist(), undecided.tolist()) == ([0, 2], [1], [])
+    assert sights.shape == (2, 2, 3)
+    for start, end, box in zip(sights[:, 0], sights[:, 1], (WALL, BEHIND)):
+        assert (start >= np.array(region[0]) - 1e-6).all() and (start <= np.array(region[1]) + 1e-6).all()
+        assert (end >= np.array(box[0]) - 1e-4).all() and (end <= np.array(box[1]) + 1e-4).all()
+    with pytest.raises(ValueError, match="region: the least corner"):
+        street.seen_from_region(region[::-1])
+    with pytest.raises(ValueError, match="clearance: NaN is not"):
+        street.prove_from_region(region, clearance=np.nan)
+
+
+def test_bake(street):
+    cells = Scene.grid_cells([(-2, -2, -2), (2, 2, 2)], (2, 4, 4))
+    assert cells.shape[1:] == (2, 3) and len(cells) >= 2
+    baked = street.bake(cells)
+    at = baked.locate([(-1.0, 0.5, 0.5), (1.0, 0.5, 0.5), (100.0, 0, 0)])
+    assert at[0] >= 0 and at[1] >= 0 and at[2] == -1
+    assert baked.row(at[0]).tolist() == [0, 2]
+    again = BakedSet.from_bytes(baked.to_bytes())
+    assert again.row(at[1]).tolist() == baked.row(at[1]).tolist() and len(again) == len(baked)
+    with pytest.raises(ValueError, match="cell: 9999 is beyond"):
+        baked.row(9999)
+    with pytest.raises(ValueError, match="data: "):
+        BakedSet.from_bytes(b"no set")
+    with pytest.raises(ValueError, match="cells: row 0"):
+        street.bake([WALL[::-1]])
+
+
+def test_a_million_boxes():
+    random = np.random.default_rng(3)
+    low = random.uniform(-1000, 1000, (1_000_000, 3))
+    scene = Scene()
+    scene.add_boxes(np.stack([low, low + 1.0], axis=1), solid=False)
+    seen = scene.cull(View.perspective((0, 0, 0), (1, 0, 0), far=100.0), mask=True)
+    middle = low + 0.5
+    # Certainly inside, and certainly outside, of the frustum of 1 radian by 16 / 9.
+    ahead = middle[:, 0]
+    up, side = np.tan(0.5) * ahead, np.tan(0.5) * ahead * 16 / 9
+    inside = (ahead > 1) & (ahead < 98) & (np.abs(middle[:, 2]) < up) & (np.abs(middle[:, 1]) < side)
+    outside = (ahead < -2) | (ahead > 102) | (np.abs(middle[:, 2]) > up + 3) | (np.abs(middle[:, 1]) > side + 5)
+    assert seen[inside].all() and inside.sum() > 50
+    assert not (seen & outside).any()
+
+
+def test_threads_cull_one_scene_side_by_side():
+    scene = Scene(origin=(300, 300, 0))
+    scene.add_boxes(city(20))
+    views = [View.perspective((300, 300, 1.7), (300 + np.cos(a), 300 + np.sin(a), 1.7)) for a in range(6)]
+    alone = [scene.cull(view).tolist() for view in views]
+    found = [None] * len(views)
+
+    def work(number):
+        found[number] = scene.cull(views[number]).tolist()
+
+    threads = [threading.Thread(target=work, args=(number,)) for number in range(len(views))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == alone
+
+
+def test_trimesh():
+    trimesh = pytest.importorskip("trimesh")
+    wall = trimesh.creation.box(bounds=WALL)
+    source = trimesh.Scene()
+    source.add_geometry(wall, node_name="wall")
+    source.add_geometry(trimesh.creation.icosphere(radius=1.0), node_name="ball", transform=trimesh.transformations.translation_matrix((8, 0, 0)))
+    scene = Scene.from_trimesh(source)
+    assert scene.cull(AHEAD).tolist() == [0]
+    assert scene.cull(AHEAD, occlusion=False).tolist() == [0, 1]
+    assert len(Scene.from_trimesh(wall)) == 1
+
+
+def house(low, high):
+    """A CityJSON file of one house, with its vertices as integers of millimetres, and a wall with a window."""
+    x0, y0, z0 = low
+    x1, y1, z1 = high
+    corners = [(x, y, z) for z in (z0, z1) for y in (y0, y1) for x in (x0, x1)]
+    window = [(x0, y0 + 1, z0 + 1), (x0, y0 + 1, z0 + 2), (x0, y0 + 2, z0 + 2), (x0, y0 + 2, z0 + 1)]
+    vertices = [[round(1000 * number) for number in point] for point in corners + window]
+    faces = [[[0, 2, 3, 1]], [[4, 5, 7, 6]], [[0, 1, 5, 4]], [[3, 2, 6, 7]], [[1, 3, 7, 5]]]
+    faces.append([[2, 0, 4, 6], [8, 9, 10, 11]])
+    return {
+        "type": "CityJSON",
+        "version": "2.0",
+        "transform": {"scale": [0.001] * 3, "translate": [0, 0, 0]},
+        "vertices": vertices,
+        "CityObjects": {
+            "empty": {"type": "Building"},
+            "house": {"type": "Building", "geometry": [{"type": "Solid", "lod": "2", "boundaries": [faces]}]},
+        },
+    }
+
+
+def test_cityjson(tmp_path):
+    pytest.importorskip("mapbox_earcut")
+    path = tmp_path / "house.city.json"
+    path.write_text(json.dumps(house((5, -10, -10), (6, 10, 10))))
+    scene, names = Scene.from_cityjson(path)
+    assert names == ["house"] and len(scene) == 1
+    # The window is a hole in the front wall; the back wall is seen through it.
+    view = View.perspective((0, -8.5, -8.5), (1, -8.5, -8.5), fov_y=0.05)
+    lamp = scene.add_boxes([[(8, -8.6, -8.6), (8.1, -8.4, -8.4)]])[0]
+    assert lamp not in scene.cull(AHEAD)
+    assert scene.item_buffer(view).max() == 0
+    with pytest.raises(ValueError, match="source: expected a CityJSON file"):
+        Scene.from_cityjson({"type": "Feature"})
+
+
+def test_ifc(tmp_path):
+    pytest.importorskip("ifcopenshell")
+    from ifcopenshell.api import run
+
+    model = run("project.create_file")
+    run("root.create_entity", model, ifc_class="IfcProject")
+    run("unit.assign_unit", model, length={"is_metric": True, "raw": "METERS"})
+    context = run("context.add_context", model, context_type="Model")
+    named = {"context_type": "Model", "context_identifier": "Body", "target_view": "MODEL_VIEW"}
+    body = run("context.add_context", model, parent=context, **named)
+    for kind, at, size in (("IfcWall", 5.0, 8.0), ("IfcWindow", 3.0, 8.0), ("IfcFurniture", 8.0, 0.5)):
+        product = run("root.create_entity", model, ifc_class=kind)
+        sides = {"length": 0.5, "height": size, "thickness": size}
+        shape = run("geometry.add_wall_representation", model, context=body, **sides)
+        run("geometry.assign_representation", model, product=product, representation=shape)
+        matrix = np.eye(4)
+        matrix[:3, 3] = (at, -size / 2, -size / 2)
+        run("geometry.edit_object_placement", model, product=product, matrix=matrix)
+    path = tmp_path / "house.ifc"
+    model.write(str(path))
+    scene, names = Scene.from_ifc(path)
+    assert sorted(model.by_guid(name).is_a() for name in names) == ["IfcFurniture", "IfcWall", "IfcWindow"]
+    kinds = {model.by_guid(names[number]).is_a() for number in scene.cull(AHEAD)}
+    assert kinds == {"IfcWall", "IfcWindow"}
+    assert len(scene.cull(AHEAD, occlusion=False)) == 3
