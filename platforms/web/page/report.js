@@ -36,7 +36,7 @@ async function measure({ culling, picture, judge, say }, stages, cameras, settin
       if (hasItem(seen, item)) triangles += count;
     });
     const judged = judge.compare(picture, camera, seen);
-    rows.push({ objects: culling.visible.count, triangles, ...judged });
+    rows.push({ objects: culling.count, triangles, ...judged });
     await pause();
   }
   let milliseconds = 0;
