@@ -216,6 +216,21 @@ test("an answer is for the view that was asked for, also if the worker has one t
   assert.ok(isShown(lamp, look([-0.2, 0, 0])), "beyond the reach around 0.4");
 });
 
+test("an answer that the worker still has is not taken for one around a later view", () => {
+  const { scene, frame, look, settle } = street({ metres: 1.5, radians: 0.1 });
+  const box = (min, max) => ({ min, max });
+  const post = scene.insert({ bounds: box([5, 48, -9], [6, 52, 9]), flags: Flag.Occluder });
+  scene.setMesh(post, scene.addBoxMesh(box([5, 48, -9], [6, 52, 9])));
+  const far = scene.insert({ bounds: box([20, 49.7, -1], [21, 50.3, 1]) });
+  const isShown = (y) => has(frame(look([0, y, 0])).bits, indexOf(far));
+  isShown(50);
+  settle();
+  assert.ok(!isShown(51.4), "hidden by the answer around y = 50");
+  // That frame has asked for an answer around y = 51.4, where the worker's own answer is good, too.
+  settle();
+  assert.ok(isShown(52.75), "seen past the post, within the reach around y = 51.4");
+});
+
 for (const [what, change] of [
   ["is removed", ({ scene, wall }) => scene.remove(wall)],
   ["is moved", ({ scene, wall }) => scene.setBounds(wall, { min: [5, 30, -20], max: [6, 70, 20] })],
