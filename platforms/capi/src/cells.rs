@@ -203,7 +203,9 @@ pub unsafe extern "C" fn vis_cells_create_of_scene(
                 one_sided.push(!mesh.is_two_sided());
             }
         }
-        let most = if max_cells == 0 { PolygonSettings::default() } else {
+        let most = if max_cells == 0 {
+            PolygonSettings::default()
+        } else {
             PolygonSettings::default().with_max_cells(max_cells)
         };
         let made = from_polygons(&polygons, &most.with_one_sided(&one_sided))?;

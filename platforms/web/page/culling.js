@@ -273,10 +273,13 @@ export class Culling {
     return this.#needs.there ? this.#workers.stats : null;
   }
 
-  /** Boxes of the bake, in the axes of the picture, with the number of objects hidden from each. */
+  /** Boxes of the bake, in the axes of the picture. */
   get bakedBoxes() {
     const boxes = this.#needs.there ? this.#workers.boxes : [];
-    return boxes.map(({ min, max, ...rest }) => ({ ...rest, min: this.#picture(min), max: this.#picture(max) }));
+    return boxes.map(({ min, max }) => {
+      const [a, b] = [this.#picture(min), this.#picture(max)];
+      return { min: a.map((x, i) => Math.min(x, b[i])), max: a.map((x, i) => Math.max(x, b[i])) };
+    });
   }
 
   /** Bits of the objects of the last frame: those to draw, and those within the view. */

@@ -277,6 +277,7 @@ function frame(now) {
     toggles,
     culling.count,
     culling.answersUsed,
+    toggles.above && culling.workers?.boxes,
     mapHeight,
     quality,
   ]);
@@ -284,7 +285,8 @@ function frame(now) {
     keepPace(interval);
     drawnSignature = signature;
     const bits = frozen?.bits ?? culling.bits;
-    const options = { culled, above: toggles.above ? mapHeight : 0, ghosts: toggles.ghosts };
+    const boxes = toggles.above ? culling.bakedBoxes : [];
+    const options = { culled, above: toggles.above ? mapHeight : 0, ghosts: toggles.ghosts, boxes };
     Object.assign(state, picture.draw(camera, bits, options));
     state.seen = bits.seen;
     state.visible = culling.count;
