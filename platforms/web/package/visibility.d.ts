@@ -195,7 +195,8 @@ export interface Visibility {
   /**
    * Creates cells and portals from the triangles of a scene's occluders: space is divided along large walls, and each
    * gap between triangles is a portal. There are at most `maxCells`, 16,384 by default. `count` of the result is 0
-   * where all space sees backs of one-sided triangles: such cells hide nothing. Takes from milliseconds to minutes.
+   * where all space sees backs of one-sided triangles: such cells hide nothing. They are of the occluders of all
+   * layers as they are now: for views that show them all. Takes from milliseconds to minutes.
    */
   createCellsOfScene(scene: Scene, options?: { maxCells?: number }): Cells & { readonly count: number };
   /**
