@@ -24,8 +24,10 @@ function copied(argument, moved) {
 
 /** Starts a worker of this package. With `frames` it loads the small module. */
 export function startWorker({ frames = false } = {}) {
-  const name = frames ? "frames" : "whole";
-  return new Worker(new URL("./late-worker.js", import.meta.url), { type: "module", name });
+  // Bundlers look for literals.
+  return frames
+    ? new Worker(new URL("./late-worker.js", import.meta.url), { type: "module", name: "frames" })
+    : new Worker(new URL("./late-worker.js", import.meta.url), { type: "module", name: "whole" });
 }
 
 /** A scene that workers follow. It has the methods of `Scene`. */
