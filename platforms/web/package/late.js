@@ -56,7 +56,11 @@ export class LateScene {
   constructor(scene, ports) {
     this.#scene = scene;
     this.#ports = ports;
-    for (const port of ports) port.onmessage = ({ data }) => this.#receive(data);
+    for (const port of ports) {
+      port.onmessage = ({ data }) => this.#receive(data);
+      // A worker that does not start gives no answers: nothing is hidden.
+      port.onerror = ({ message }) => this.refusals.push(`worker: ${message}`);
+    }
   }
 
   /** The scene of this thread, for pipelines. */
@@ -284,7 +288,8 @@ export class LateAnswers {
     const answer = this.#answer;
     const reason = this.#refusal(answer, view);
     const isUsed = reason === "";
-    Object.assign(stats, { isUsed, reason, number: isUsed ? answer.number : -1, ageMs: answer ? now - answer.asked : 0 });
+    const number = isUsed ? answer.number : -1;
+    Object.assign(stats, { isUsed, reason, number, ageMs: answer ? now - answer.asked : 0 });
     if (isUsed) {
       const { bits: seen, revision } = answer;
       // Words beyond the answer are of objects that came later.

@@ -167,7 +167,8 @@ for (const [name, a, b, stages] of [
       }
     }
     assert.deepEqual(scene.refusals, [], `${name}: calls that the worker refuses`);
-    assert.ok(tally.used > 10 && tally.beyond > 2 && tally.hidden > 300 && tally.seen > 300, `${name}: ${JSON.stringify(tally)}`);
+    const { used, beyond, hidden, seen } = tally;
+    assert.ok(used > 10 && beyond > 2 && hidden > 300 && seen > 300, `${name}: ${JSON.stringify(tally)}`);
   });
 }
 
@@ -285,6 +286,27 @@ test("boxes: what is hidden from all points of one, and a mesh that is refused",
   settle();
   assert.match(scene.refusals.join(), /addMesh/, "the refusal is told");
   assert.ok(!has(answers[2].bits, indexOf(lamp)), "an object whose new mesh is refused hides nothing by its old one");
+});
+
+test("the module for frames answers as the whole one, and says what it lacks", async () => {
+  const frames = await load({ frames: true });
+  const lists = make("plpcity", 2, 2);
+  const answers = [visibility, frames].map((library) => {
+    const { scene } = fillScene(library, lists);
+    const pipeline = library.createPipeline().addFrustum().addContribution(720, 3).addZBuffer();
+    const [view, visible] = [library.createView(), library.createVisible()];
+    return cameras(lists, 16 / 9)
+      .filter((_, key) => key % 10 === 0)
+      .map((camera) => {
+        view.setPerspective(camera);
+        pipeline.cull(scene, view, visible);
+        return visible.bits;
+      });
+  });
+  assert.deepEqual(answers[1], answers[0], "bits of all frames");
+  assert.ok(answers[0].length > 5 && ones32(answers[0][0]) > 10, "frames with something in them");
+  for (const call of [() => frames.createJudge(64, 64), () => frames.createPipeline().addHorizon({ up: "y" })])
+    assert.throws(call, { code: "STATE", message: /whole module/ });
 });
 
 test("a worker that could not follow the scene gives no answer", () => {
