@@ -175,8 +175,9 @@ pub unsafe extern "C" fn vis_cells_create(
 /// along large walls, and every gap between triangles becomes an open portal. `max_cells` is the greatest
 /// number of cells; 0 for the default, 16,384. Writes the number of cells to `cell_count`, which may be null.
 /// It is 0 where all space sees the backs of one-sided triangles: a culler with such cells hides nothing.
-/// What an occluder does after this call counts no more, so make cells of what stands still. Occluders of all
-/// layers count, so cull with such cells only views that show them all. Takes from milliseconds to minutes.
+/// What an occluder does after this call counts no more, so make cells of what stands still. Occluders of
+/// all layers count, so cull with such cells only views that show them all. Takes from milliseconds to
+/// minutes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_create_of_scene(
     scene: *const vis_scene,
