@@ -576,9 +576,9 @@ enum vis_status vis_pipeline_add_horizon(struct vis_pipeline *pipeline, bool is_
 
 // Makes answers of later frames good for a while: they are made for all views whose eye is within `metres`
 // and whose direction is within `radians` of the frame's view, and a frame with such a view keeps the answer
-// and does no work. 0 and 0, the default: each frame culls for its own view. Frames also do so after a change
-// of the scene, after a cut, and if a stage has no answer for a region: the frustum, portals and the z-buffer
-// have one.
+// and does no work. 0 and 0, the default: each frame culls for its own view. Frames also do so after a
+// change of the scene, after a cut, and if a stage has no answer for a region: the frustum, portals and the
+// z-buffer have one.
 enum vis_status vis_pipeline_set_reach(struct vis_pipeline *pipeline, double metres, double radians);
 
 // Writes whether the last frame kept the answer of an earlier one. A third frame of one view and one scene

@@ -182,9 +182,9 @@ pub unsafe extern "C" fn vis_pipeline_add_horizon(pipeline: *mut vis_pipeline, i
 
 /// Makes answers of later frames good for a while: they are made for all views whose eye is within `metres`
 /// and whose direction is within `radians` of the frame's view, and a frame with such a view keeps the answer
-/// and does no work. 0 and 0, the default: each frame culls for its own view. Frames also do so after a change
-/// of the scene, after a cut, and if a stage has no answer for a region: the frustum, portals and the z-buffer
-/// have one.
+/// and does no work. 0 and 0, the default: each frame culls for its own view. Frames also do so after a
+/// change of the scene, after a cut, and if a stage has no answer for a region: the frustum, portals and the
+/// z-buffer have one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_set_reach(
     pipeline: *mut vis_pipeline,
