@@ -338,6 +338,18 @@ enum vis_status vis_cells_create(const struct vis_graph *graph,
                                  double tolerance,
                                  struct vis_cells **cells);
 
+// Makes cells and portals from the triangles of a scene's occluders, where they are now: space is divided
+// along large walls, and every gap between triangles becomes an open portal. `max_cells` is the greatest
+// number of cells; 0 for the default, 16,384. Writes the number of cells to `cell_count`, which may be null.
+// It is 0 where all space sees the backs of one-sided triangles: a culler with such cells hides nothing.
+// What an occluder does after this call counts no more, so make cells of what stands still. Occluders of
+// all layers count, so cull with such cells only views that show them all. Takes from milliseconds to
+// minutes.
+enum vis_status vis_cells_create_of_scene(const struct vis_scene *scene,
+                                          size_t max_cells,
+                                          struct vis_cells **cells,
+                                          size_t *cell_count);
+
 // Destroys cells; pipelines that use them keep them alive. Does nothing for a null pointer.
 void vis_cells_destroy(struct vis_cells *cells);
 
@@ -555,6 +567,23 @@ enum vis_status vis_pipeline_add_pvs(struct vis_pipeline *pipeline, const struct
 // them, even if destroyed. Both eyes of a headset may share them; `vis_online_answer` and the lists of what
 // came and went are then those of the last frame of either. Conservative.
 enum vis_status vis_pipeline_add_online(struct vis_pipeline *pipeline, const struct vis_online *online);
+
+// Appends culling by a horizon: it removes objects hidden behind upright solids, walls and hills of the
+// objects that have a mesh and the flag `VIS_OBJECT_OCCLUDER`. For cities and terrain seen from near the
+// ground. `is_z_up` is whether the z axis points up, otherwise the y axis does. The solids of each scene are
+// found in the first frame, and follow its changes. Conservative.
+enum vis_status vis_pipeline_add_horizon(struct vis_pipeline *pipeline, bool is_z_up);
+
+// Makes answers of later frames good for a while: they are made for all views whose eye is within `metres`
+// and whose direction is within `radians` of the frame's view, and a frame with such a view keeps the answer
+// and does no work. 0 and 0, the default: each frame culls for its own view. Frames also do so after a
+// change of the scene, after a cut, and if a stage has no answer for a region: the frustum, portals and the
+// z-buffer have one.
+enum vis_status vis_pipeline_set_reach(struct vis_pipeline *pipeline, double metres, double radians);
+
+// Writes whether the last frame kept the answer of an earlier one. A third frame of one view and one scene
+// keeps it if there is an answer for the whole reach.
+enum vis_status vis_pipeline_is_kept(const struct vis_pipeline *pipeline, bool *kept);
 
 // Culls: fills `visible` with the objects of the scene that the view may see. Writes the sum of the stages'
 // counters to `stats`, which may be null. Call this once per frame and view. Several threads may cull views
@@ -784,6 +813,17 @@ enum vis_status vis_view_set_layers(struct vis_view *view, uint32_t layers);
 // keeps the points with a x + b y + c z + d >= 0, relative to the origin of the matrix, or to the eye of a
 // view set from a pose. Replaces earlier planes.
 enum vis_status vis_view_set_clip_planes(struct vis_view *view, const double *planes, size_t count);
+
+// Writes whether an answer that a pipeline has made for the view `of` with a reach (see
+// `vis_pipeline_set_reach`) is good for `view`: its eye is within `metres` of that of `of`, it is turned by
+// at most `radians`, and lens, near and far plane and layers are the same. With this, an answer that another
+// thread or process has made for an older view is used only where it holds. False for parallel views and for
+// views with clip planes.
+enum vis_status vis_view_is_within_reach(const struct vis_view *view,
+                                         const struct vis_view *of,
+                                         double metres,
+                                         double radians,
+                                         bool *within);
 
 // Creates a set for the results of one view. With `with_changes`, it also records which objects became
 // visible or hidden since the last frame, for a few nanoseconds per visible object.

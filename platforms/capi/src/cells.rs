@@ -1,17 +1,24 @@
 //! Cells and portals of buildings: graphs, doors, and portal culling with cells that pipelines share.
 
 use crate::error::{Error, border, vis_status};
-use crate::pointer::{array, create, destroy, out, reference};
+use crate::pointer::{array, create, destroy, optional_out, out, reference};
 use crate::pvs::vis_pvs;
+use crate::scene::vis_scene;
 use crate::volume::{range, vis_volume, volumes};
 use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use visibility_core::bake::Bake;
 use visibility_core::cells::{CellGraph, CellId, PortalId};
-use visibility_core::glam::DVec3;
+use visibility_core::geometry::ConvexPolygon;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_portals::from_geometry::{PolygonSettings, Subdivision, from_polygons};
 use visibility_portals::{BakerSettings, CellBaker, Passage, SceneCells, prt};
 
 /// Graph of convex cells and the portals between them. It never changes.
 pub struct vis_graph(pub(crate) CellGraph);
+
+/// Tolerance of cells made of a scene, relative to the greatest coordinate: above the rounding of portals and
+/// volumes. How far a cell may be misplaced beside the walls that it was made of, its volume knows.
+const RELATIVE_TOLERANCE: f64 = 1.0 / (1u64 << 30) as f64;
 
 /// Portal of a graph: a convex polygon between two cells.
 #[repr(C)]
@@ -160,6 +167,56 @@ pub unsafe extern "C" fn vis_cells_create(
         let planes = unsafe { array(planes.cast::<[f64; 4]>(), plane_count, "planes") }?;
         let cells = SceneCells::new(graph.0.clone(), volumes(given, planes)?, tolerance)?;
         create(place, vis_cells(Arc::new(RwLock::new(cells))));
+        Ok(())
+    })
+}
+
+/// Makes cells and portals from the triangles of a scene's occluders, where they are now: space is divided
+/// along large walls, and every gap between triangles becomes an open portal. `max_cells` is the greatest
+/// number of cells; 0 for the default, 16,384. Writes the number of cells to `cell_count`, which may be null.
+/// It is 0 where all space sees the backs of one-sided triangles: a culler with such cells hides nothing.
+/// What an occluder does after this call counts no more, so make cells of what stands still. Occluders of
+/// all layers count, so cull with such cells only views that show them all. Takes from milliseconds to
+/// minutes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_cells_create_of_scene(
+    scene: *const vis_scene,
+    max_cells: usize,
+    cells: *mut *mut vis_cells,
+    cell_count: *mut usize,
+) -> vis_status {
+    border(|| {
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
+        let (scene, place) = unsafe { (reference(scene, "scene")?, out(cells, "cells")?) };
+        // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
+        let count = unsafe { optional_out(cell_count, "cell_count") }?;
+        let scene = &scene.read()?.scene;
+        let (mut polygons, mut one_sided) = (Vec::new(), Vec::new());
+        for (mesh, transform) in scene.ids().filter_map(|id| scene.occluder(id)) {
+            let world = |&at: &Vec3| scene.origin() + transform.transform_point3(at).as_dvec3();
+            let vertices: Vec<DVec3> = mesh.positions().iter().map(world).collect();
+            let corners = |triangle: &[u32; 3]| triangle.map(|i| vertices.get(i as usize).copied());
+            for [a, b, c] in mesh.triangles().iter().map(corners) {
+                // A triangle without area covers nothing.
+                let (Some(a), Some(b), Some(c)) = (a, b, c) else { continue };
+                let Ok(polygon) = ConvexPolygon::new([a, b, c]) else { continue };
+                polygons.push(polygon);
+                one_sided.push(!mesh.is_two_sided());
+            }
+        }
+        let most = if max_cells == 0 {
+            PolygonSettings::default()
+        } else {
+            PolygonSettings::default().with_max_cells(max_cells)
+        };
+        let made = from_polygons(&polygons, &most.with_one_sided(&one_sided))?;
+        let Subdivision { graph, viewcells, .. } = made;
+        let corners = polygons.iter().flat_map(ConvexPolygon::vertices);
+        let farthest = corners.map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+        let cell_number = graph.cell_count();
+        let made = SceneCells::new(graph, viewcells, farthest * RELATIVE_TOLERANCE)?;
+        create(place, vis_cells(Arc::new(RwLock::new(made))));
+        count.into_iter().for_each(|mut count| count.set(cell_number));
         Ok(())
     })
 }

@@ -5,19 +5,11 @@ use std::cell::RefCell;
 use std::ffi::{CString, c_char};
 use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use visibility_2d::cdt::PlanError;
-use visibility_bake::BakedSetError;
-use visibility_core::cells::CellGraphError;
 use visibility_core::occlusion::MeshError;
-use visibility_core::pvs::PvsError;
 use visibility_core::scene::SceneError;
 use visibility_core::view::ViewError;
 use visibility_core::visible_set::BitsError;
-use visibility_core::who_sees::OfPortalsError;
 use visibility_hzb::SizeError;
-use visibility_measure::MeasureError;
-use visibility_portals::prt::PrtError;
-use visibility_portals::{BakeError, SceneCellsError};
 
 /// Result of a call. Everything but `VIS_OK` is an error. A failed call has changed nothing, unless its
 /// description says otherwise, and `vis_last_error` tells what was wrong with what.
@@ -89,33 +81,53 @@ codes! {
     ViewError, _ => VIS_ERROR_ARGUMENT;
     MeshError, _ => VIS_ERROR_ARGUMENT;
     SizeError, _ => VIS_ERROR_ARGUMENT;
-    MeasureError, _ => VIS_ERROR_ARGUMENT;
-    CellGraphError, _ => VIS_ERROR_ARGUMENT;
-    BakeError, _ => VIS_ERROR_ARGUMENT;
-    OfPortalsError, _ => VIS_ERROR_ARGUMENT;
-    PlanError, kind => match kind {
-        PlanError::UnknownWall { .. } => VIS_ERROR_UNKNOWN_ID,
-        _ => VIS_ERROR_ARGUMENT,
-    };
-    PrtError, _ => VIS_ERROR_FORMAT;
     SceneError, kind => match kind {
         SceneError::UnknownObject(_) | SceneError::UnknownMesh(_) => VIS_ERROR_UNKNOWN_ID,
         SceneError::NoLocalBounds(_) => VIS_ERROR_STATE,
         _ => VIS_ERROR_ARGUMENT,
     };
-    SceneCellsError, kind => match kind {
-        SceneCellsError::UnknownCell(_) | SceneCellsError::UnknownPortal(_) => VIS_ERROR_UNKNOWN_ID,
-        _ => VIS_ERROR_ARGUMENT,
-    };
-    PvsError, kind => match kind {
-        PvsError::Format(_) | PvsError::Row { .. } => VIS_ERROR_FORMAT,
-        _ => VIS_ERROR_ARGUMENT,
-    };
-    BakedSetError, kind => match kind {
-        BakedSetError::OtherScene | BakedSetError::OtherVersion { .. } => VIS_ERROR_ARGUMENT,
-        _ => VIS_ERROR_FORMAT,
-    };
     BitsError, _ => VIS_ERROR_TOO_SHORT;
+}
+
+/// Conversions of the errors that only the whole library has.
+#[cfg(feature = "whole")]
+mod of_whole {
+    use super::Error;
+    use super::vis_status::*;
+    use visibility_2d::cdt::PlanError;
+    use visibility_bake::BakedSetError;
+    use visibility_core::cells::CellGraphError;
+    use visibility_core::pvs::PvsError;
+    use visibility_core::who_sees::OfPortalsError;
+    use visibility_measure::MeasureError;
+    use visibility_portals::from_geometry::GeometryError;
+    use visibility_portals::prt::PrtError;
+    use visibility_portals::{BakeError, SceneCellsError};
+
+    codes! {
+        MeasureError, _ => VIS_ERROR_ARGUMENT;
+        CellGraphError, _ => VIS_ERROR_ARGUMENT;
+        BakeError, _ => VIS_ERROR_ARGUMENT;
+        GeometryError, _ => VIS_ERROR_ARGUMENT;
+        OfPortalsError, _ => VIS_ERROR_ARGUMENT;
+        PlanError, kind => match kind {
+            PlanError::UnknownWall { .. } => VIS_ERROR_UNKNOWN_ID,
+            _ => VIS_ERROR_ARGUMENT,
+        };
+        PrtError, _ => VIS_ERROR_FORMAT;
+        SceneCellsError, kind => match kind {
+            SceneCellsError::UnknownCell(_) | SceneCellsError::UnknownPortal(_) => VIS_ERROR_UNKNOWN_ID,
+            _ => VIS_ERROR_ARGUMENT,
+        };
+        PvsError, kind => match kind {
+            PvsError::Format(_) | PvsError::Row { .. } => VIS_ERROR_FORMAT,
+            _ => VIS_ERROR_ARGUMENT,
+        };
+        BakedSetError, kind => match kind {
+            BakedSetError::OtherScene | BakedSetError::OtherVersion { .. } => VIS_ERROR_ARGUMENT,
+            _ => VIS_ERROR_FORMAT,
+        };
+    }
 }
 
 thread_local! {

@@ -1,10 +1,15 @@
 //! Pipelines: the cullers of one view, and their counters of the last frame.
 
+#[cfg(feature = "whole")]
 use crate::cells::vis_cells;
 use crate::error::{Error, border, vis_status};
 use crate::handle::Guarded;
+#[cfg(feature = "whole")]
+use crate::horizon::FollowingHorizon;
+#[cfg(feature = "whole")]
 use crate::online::{SharedOnline, vis_online};
 use crate::pointer::{buffer, create, destroy, optional_out, out, reference};
+#[cfg(feature = "whole")]
 use crate::pvs::vis_scene_pvs;
 use crate::scene::vis_scene;
 use crate::stats::vis_stats;
@@ -12,10 +17,15 @@ use crate::view::vis_view;
 use crate::visible::vis_visible;
 use std::ffi::c_char;
 use std::fmt::Write;
+#[cfg(feature = "whole")]
+use visibility_2d::horizon::UpAxis;
+#[cfg(feature = "whole")]
 use visibility_core::pvs::PvsCuller;
+use visibility_core::view::Reach;
 use visibility_core::{Accuracy, Culler, FrustumCuller, ObjectId, Pipeline};
 use visibility_frame::lod::ContributionCuller;
 use visibility_hzb::{Hzb, HzbCuller};
+#[cfg(feature = "whole")]
 use visibility_portals::SharedPortalCuller;
 
 /// Pipeline: the cullers of one view in the order in which they were added, with their state from earlier
@@ -109,6 +119,7 @@ pub unsafe extern "C" fn vis_pipeline_add_z_buffer(
 /// Appends portal culling, which removes objects that cannot be seen through the open portals of a building.
 /// Several pipelines may share the cells, which live as long as a pipeline uses them, even if destroyed.
 /// Conservative.
+#[cfg(feature = "whole")]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_portals(
     pipeline: *mut vis_pipeline,
@@ -125,6 +136,7 @@ pub unsafe extern "C" fn vis_pipeline_add_portals(
 /// Appends culling by a baked set. It removes objects that the set excludes for the viewcells around the eye.
 /// Several pipelines may share the set, which lives as long as a pipeline uses it, even if destroyed.
 /// Conservative if the set is.
+#[cfg(feature = "whole")]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_pvs(
     pipeline: *mut vis_pipeline,
@@ -142,6 +154,7 @@ pub unsafe extern "C" fn vis_pipeline_add_pvs(
 /// around the eye and its near plane; nothing while no box is ready. The sets live as long as a pipeline uses
 /// them, even if destroyed. Both eyes of a headset may share them; `vis_online_answer` and the lists of what
 /// came and went are then those of the last frame of either. Conservative.
+#[cfg(feature = "whole")]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_online(
     pipeline: *mut vis_pipeline,
@@ -152,6 +165,50 @@ pub unsafe extern "C" fn vis_pipeline_add_online(
         let online = unsafe { reference(online, "online") }?;
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe { push(pipeline, SharedOnline(online.shared())) }
+    })
+}
+
+/// Appends culling by a horizon: it removes objects hidden behind upright solids, walls and hills of the
+/// objects that have a mesh and the flag `VIS_OBJECT_OCCLUDER`. For cities and terrain seen from near the
+/// ground. `is_z_up` is whether the z axis points up, otherwise the y axis does. The solids of each scene are
+/// found in the first frame, and follow its changes. Conservative.
+#[cfg(feature = "whole")]
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_pipeline_add_horizon(pipeline: *mut vis_pipeline, is_z_up: bool) -> vis_status {
+    let up = if is_z_up { UpAxis::Z } else { UpAxis::Y };
+    // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+    border(|| unsafe { push(pipeline, FollowingHorizon::new(up)) })
+}
+
+/// Makes answers of later frames good for a while: they are made for all views whose eye is within `metres`
+/// and whose direction is within `radians` of the frame's view, and a frame with such a view keeps the answer
+/// and does no work. 0 and 0, the default: each frame culls for its own view. Frames also do so after a
+/// change of the scene, after a cut, and if a stage has no answer for a region: the frustum, portals and the
+/// z-buffer have one.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_pipeline_set_reach(
+    pipeline: *mut vis_pipeline,
+    metres: f64,
+    radians: f64,
+) -> vis_status {
+    border(|| {
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+        let pipeline = unsafe { reference(pipeline, "pipeline") }?;
+        let reach = Reach::new(metres, radians);
+        pipeline.0.write()?.set_reach((reach != Reach::new(0.0, 0.0)).then_some(reach));
+        Ok(())
+    })
+}
+
+/// Writes whether the last frame kept the answer of an earlier one. A third frame of one view and one scene
+/// keeps it if there is an answer for the whole reach.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_pipeline_is_kept(pipeline: *const vis_pipeline, kept: *mut bool) -> vis_status {
+    border(|| {
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
+        let (pipeline, mut place) = unsafe { (reference(pipeline, "pipeline")?, out(kept, "kept")?) };
+        place.set(pipeline.0.read()?.is_kept());
+        Ok(())
     })
 }
 

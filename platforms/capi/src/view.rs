@@ -7,7 +7,7 @@ use crate::scene::VIS_ALL_LAYERS;
 use vis_depth::*;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
-use visibility_core::view::{ClipMatrix, Depth, Window};
+use visibility_core::view::{ClipMatrix, Depth, Reach, ViewRegion, Window};
 use visibility_core::{Pose, View};
 
 /// View: a camera and the layers that it shows. Created once, and set in each frame.
@@ -227,6 +227,31 @@ pub unsafe extern "C" fn vis_view_set_clip_planes(
         let camera = view.get()?;
         let planes: Vec<Plane> = planes.iter().map(plane).collect();
         view.set(camera.with_clip_planes(&planes)?)
+    })
+}
+
+/// Writes whether an answer that a pipeline has made for the view `of` with a reach (see
+/// `vis_pipeline_set_reach`) is good for `view`: its eye is within `metres` of that of `of`, it is turned by
+/// at most `radians`, and lens, near and far plane and layers are the same. With this, an answer that another
+/// thread or process has made for an older view is used only where it holds. False for parallel views and for
+/// views with clip planes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_view_is_within_reach(
+    view: *const vis_view,
+    of: *const vis_view,
+    metres: f64,
+    radians: f64,
+    within: *mut bool,
+) -> vis_status {
+    border(|| {
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
+        let (view, of) = unsafe { (reference(view, "view")?, reference(of, "of")?) };
+        // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
+        let mut place = unsafe { out(within, "within") }?;
+        let region = ViewRegion::around(&of.get()?, Reach::new(metres, radians));
+        let view = view.get()?;
+        place.set(region.is_some_and(|region| region.contains(&view)));
+        Ok(())
     })
 }
 

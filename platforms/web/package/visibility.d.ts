@@ -17,11 +17,16 @@ export type ObjectId = bigint;
 /** Id of an occluder mesh of a scene. */
 export type MeshId = bigint;
 
-/** Loads the library: without options, the module with SIMD instructions where the browser has them. */
+/** Loads the library: without options, the whole module with SIMD instructions where the browser has them. */
 export function load(options?: {
+  /**
+   * Whether to take the small module, of half the size: scenes and their occluders, views, visible sets, and
+   * pipelines of frustum, size and z-buffer with a reach. What else is called throws an error of code `STATE`.
+   */
+  frames?: boolean;
   /** Whether to take the module with 128-bit SIMD instructions. Both give the same answers. */
   simd128?: boolean;
-  /** The module itself, where it cannot be fetched from beside `visibility.js`. It must fit `simd128`. */
+  /** The module itself, where it cannot be fetched from beside `visibility.js`. It must fit the options. */
   wasm?: URL | BufferSource | WebAssembly.Module;
 }): Promise<Visibility>;
 
@@ -188,6 +193,13 @@ export interface Visibility {
    */
   createCells(graph: Graph, volumes: readonly Volume[], options?: { tolerance?: number }): Cells;
   /**
+   * Creates cells and portals from the triangles of a scene's occluders: space is divided along large walls, and each
+   * gap between triangles is a portal. There are at most `maxCells`, 16,384 by default. `count` of the result is 0
+   * where all space sees backs of one-sided triangles: such cells hide nothing. They are of the occluders of all
+   * layers as they are now: for views that show them all. Takes from milliseconds to minutes.
+   */
+  createCellsOfScene(scene: Scene, options?: { maxCells?: number }): Cells & { readonly count: number };
+  /**
    * Creates sets of what can be seen around one eye on the move. `viewcell` and `wide` are the sizes along x, y and
    * z, in metres, of the viewcells and of the wide boxes that these lie in, which are at least as large: 0.6 m and
    * 4 x 4 x 1 m for someone who walks. `margin` is how far a viewcell extends at least around each place that it
@@ -340,6 +352,11 @@ export interface View extends Handle {
   /** Sets a camera with parallel lines of sight. */
   setOrthographic(camera: Pose & { width: number; height: number; near: number; far: number }): void;
   setLayers(layers: number): void;
+  /**
+   * Whether an answer made for the view `of`, with a reach of so many metres and radians, is good for this view:
+   * see `Pipeline.setReach`. False for parallel views and views with clip planes.
+   */
+  isWithinReach(of: View, metres: number, radians: number): boolean;
   /** Restricts the view to one side of each plane, relative to the origin of the matrix. At most 10. */
   setClipPlanes(planes: readonly Numbers[]): void;
 }
@@ -366,6 +383,22 @@ export interface Pipeline extends Handle {
    * Conservative.
    */
   addOnline(online: Online): this;
+  /**
+   * Removes what upright solids, walls and hills of the occluders hide, for cities and terrain seen from near
+   * the ground. They are found in the first frame, and follow the scene. Conservative.
+   */
+  addHorizon(options: { up: "y" | "z" }): this;
+  /**
+   * Makes the answers of later frames good for all views whose eye is within so many metres, and whose
+   * direction is within so many radians, of the frame's view: frames with such views keep the answer and do no
+   * work. 0 and 0 ends that. A stage other than the frustum, portals and the z-buffer has no such answer.
+   */
+  setReach(metres: number, radians: number): void;
+  /**
+   * Whether the last frame kept an earlier answer. A third frame of one view and one scene does, if there is an
+   * answer for the whole reach.
+   */
+  readonly isKept: boolean;
   /** Fills `visible` with the objects that the view may see; once per frame and view. */
   cull(scene: Scene, view: View, visible: Visible): Stats;
   /** Counters of one stage in the last frame. */

@@ -75,11 +75,17 @@ export function hasSimd128() {
 }
 
 /** Loads the library. See `visibility.d.ts`. */
-export async function load({ simd128 = hasSimd128(), wasm } = {}) {
+export async function load({ simd128 = hasSimd128(), frames = false, wasm } = {}) {
   // Bundlers look for `new URL` with a literal.
-  const plain = new URL("./visibility.wasm", import.meta.url);
-  const wide = new URL("./visibility-simd128.wasm", import.meta.url);
-  const { instance } = await instantiate(wasm ?? (simd128 ? wide : plain));
+  const whole = [
+    new URL("./visibility.wasm", import.meta.url),
+    new URL("./visibility-simd128.wasm", import.meta.url),
+  ];
+  const small = [
+    new URL("./visibility-frames.wasm", import.meta.url),
+    new URL("./visibility-frames-simd128.wasm", import.meta.url),
+  ];
+  const { instance } = await instantiate(wasm ?? (frames ? small : whole)[Number(Boolean(simd128))]);
   return new Visibility(new Wasm(instance.exports), simd128);
 }
 
@@ -135,6 +141,8 @@ class Wasm {
 
   /** Calls a function of the module. What it throws is a fault inside the library, which no argument causes. */
   run(name, ...parameters) {
+    if (!(name in this.exports))
+      throw new VisibilityError("STATE", `${name} is in the whole module alone: load it without \`frames\``);
     try {
       return this.exports[name](...parameters);
     } catch (error) {
@@ -469,6 +477,19 @@ class Visibility {
     });
   }
 
+  createCellsOfScene(scene, { maxCells = 0 } = {}) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const count = wasm.borrow(8);
+      const of = [wasm.pointer(scene, "scene"), whole(maxCells, "maxCells")];
+      const place = wasm.borrow(8);
+      wasm.check("vis_cells_create_of_scene", ...of, place, count);
+      const cells = new Cells(wasm, "cells", wasm.u32(place));
+      cells.count = wasm.u32(count);
+      return cells;
+    });
+  }
+
   createOnline({ viewcell, wide, margin = 0 } = {}) {
     const wasm = this.#wasm;
     return wasm.call(() => {
@@ -742,6 +763,11 @@ class View extends Handle {
     this.wasm.call((wasm) => wasm.check("vis_view_set_layers", this.pointer, whole(layers, "layers")));
   }
 
+  isWithinReach(of, metres, radians) {
+    const parameters = [this.wasm.pointer(of, "view"), metres, radians];
+    return this.wasm.truth("vis_view_is_within_reach", this.pointer, ...parameters);
+  }
+
   setClipPlanes(planes) {
     this.wasm.call((wasm) => {
       const numbers = wasm.put(Float64Array, flatten(planes, 4, "a plane"));
@@ -779,6 +805,19 @@ class Pipeline extends Handle {
 
   addOnline(online) {
     return this.#add("online", this.wasm.pointer(online, "online"));
+  }
+
+  addHorizon({ up } = {}) {
+    if (up !== "y" && up !== "z") refuse("`up` is neither \"y\" nor \"z\"");
+    return this.#add("horizon", Number(up === "z"));
+  }
+
+  setReach(metres, radians) {
+    this.wasm.call((wasm) => wasm.check("vis_pipeline_set_reach", this.pointer, metres, radians));
+  }
+
+  get isKept() {
+    return this.wasm.truth("vis_pipeline_is_kept", this.pointer);
   }
 
   cull(scene, view, visible) {

@@ -3,11 +3,12 @@
 
 import { BackSide, DoubleSide } from "three";
 import { Flag } from "../package/visibility.js";
-import { fillScene, makeBuilding } from "./scene.js";
+import { fillScene, firstTriangles, makeBuilding } from "./scene.js";
 import { isPlacedWell } from "../three/boxes.js";
 import { add, basisOf } from "./camera.js";
-import { marginOfItem, turnTriangles } from "./items.js";
+import { hasItem, marginOfItem, turnTriangles } from "./items.js";
 import { pause } from "./load.js";
+import { Workers, countBits } from "./workers.js";
 
 /**
  * A mesh with more triangles hides nothing: to draw it into the z-buffer would take longer than it saves.
@@ -19,14 +20,21 @@ const AHEAD_MICROSECONDS = 3000;
 const AHEAD_SECONDS = [0, 0.1, 0.2, 0.4, 0.8];
 const SLICE_MS = 20;
 
-/** Cullers on offer, in the order of the pipeline: name, and title in the panel. */
+/**
+ * Cullers on offer, in the order of the pipeline: name, and title in the panel. Those that need it draw occluders
+ * in this thread; those of workers come last.
+ */
 export const STAGES = [
   { name: "frustum", title: "Outside the view" },
   { name: "size", title: "Smaller than a few pixels" },
-  { name: "zbuffer", title: "Behind others: z-buffer" },
-  { name: "ahead", title: "Behind others: sets ahead of the eye" },
+  { name: "zbuffer", title: "Behind others: z-buffer", needsOccluders: true },
+  { name: "horizon", title: "Behind houses and hills: horizon", needsOccluders: true },
+  { name: "ahead", title: "Behind others: sets ahead of the eye", needsOccluders: true },
   { name: "portals", title: "Not through doors: portals" },
   { name: "baked", title: "Not from this cell: baked set" },
+  { name: "late", title: "Behind others: z-buffer in a worker", inWorker: true },
+  { name: "rooms", title: "Not through openings: portals, in a worker", inWorker: true },
+  { name: "bake", title: "Not from this cell: baked while you look", inWorker: true },
 ];
 
 /** The model of a file in the library's scene; occluders come later. */
@@ -35,9 +43,17 @@ export class Culling {
   isZUp = false;
   /** Cells and baked set, where the scene has them. */
   building = {};
-  /** Number of occluders, and of objects that may be. */
-  occluders = { made: 0, all: 0, milliseconds: 0, isDone: false };
+  /** Number of occluders in this thread and in workers, and of objects that may be. */
+  #here = { made: 0, all: 0, milliseconds: 0, isDone: false };
+  #there = { ...this.#here };
   milliseconds = 0;
+  /** Number of objects that are drawn, and of those that workers have taken out. */
+  count = 0;
+  #leftByWorkers = [];
+  #seen = new Uint32Array(0);
+  #workers = null;
+  /** By place, `here` and `there`: the occluders that are being made. */
+  #making = {};
   #destroyed = false;
 
   constructor(visibility) {
@@ -59,7 +75,9 @@ export class Culling {
     culling.ids = filled.ids;
     culling.building = makeBuilding(visibility, lists, filled);
     const count = lists.triangleCounts.length;
-    culling.occluders = { made: count, all: count, milliseconds: performance.now() - start, isDone: true };
+    Object.assign(culling.#here, { made: count, all: count, milliseconds: performance.now() - start, isDone: true });
+    culling.lists = lists;
+    culling.objects = { bounds: filled.bounds, cost: lists.triangleCounts, flags: Flag.Occluder };
     return culling;
   }
 
@@ -73,58 +91,87 @@ export class Culling {
     const flags = new Float64Array(model.count);
     for (const { first, count, seeThrough } of model.batches)
       flags.fill(seeThrough ? Flag.SeeThrough : 0, first, first + count);
-    culling.ids = culling.scene.insertAll({ bounds: model.bounds, cost: model.triangles, flags });
+    culling.objects = { bounds: model.bounds, cost: model.triangles, flags };
+    culling.ids = culling.scene.insertAll(culling.objects);
     culling.scene.rebuild();
     culling.model = model;
     return culling;
   }
 
+  /** Occluders of the chosen cullers. */
+  get occluders() {
+    return this.#needs.there ? this.#there : this.#here;
+  }
+
+  /** Where the chosen cullers need occluders: in this thread, and in workers. */
+  get #needs() {
+    const has = (property) => STAGES.some((stage) => stage[property] && this.chosen?.includes(stage.name));
+    return { here: has("needsOccluders"), there: has("inWorker") };
+  }
+
   /**
-   * Gives objects the meshes by which they hide others, in slices between frames. Until all are there less is
-   * hidden, and nothing by mistake.
+   * Makes the occluders that the chosen cullers need. Until all are there less is hidden, and nothing by
+   * mistake. Workers make theirs while one looks on; here they are made in slices between frames.
    */
   async makeOccluders(progress) {
-    const { model, scene, ids } = this;
-    if (!model || this.occluders.isDone) return;
+    const { here, there } = this.#needs;
+    if (here && !this.#here.isDone && this.model)
+      await (this.#making.here ??= this.#giveOccluders(this.scene, this.ids, this.#here, progress));
+    if (there && !this.#there.isDone) {
+      const { scene, ids } = this.#workers;
+      await (this.#making.there ??= this.#giveOccluders(scene, ids, this.#there, progress));
+    }
+    // What both have is not needed any more.
+    if (this.#here.isDone && this.#there.isDone && this.model) this.model.shapes = this.model.matrices = [];
+  }
+
+  /** Gives the objects of a scene the meshes by which they hide others, in slices between frames. */
+  async #giveOccluders(scene, ids, tally, progress) {
+    const { model, lists } = this;
     // By shape: for matrices that mirror, and for others.
     const meshes = [new Map(), new Map()];
-    const isSolid = model.batches.flatMap(({ count, seeThrough }) => Array(count).fill(!seeThrough));
-    this.occluders.all = isSolid.filter(Boolean).length;
-    let sliced = performance.now();
-    for (let item = 0; item < model.count; item++) {
+    const isSolid = model?.batches.flatMap(({ count, seeThrough }) => Array(count).fill(!seeThrough));
+    tally.all = isSolid?.filter(Boolean).length ?? ids.length;
+    const first = lists && firstTriangles(lists);
+    const give = (item) => {
+      if (lists) {
+        scene.setTriangles(ids[item], lists.triangles.subarray(9 * first[item], 9 * first[item + 1]));
+        return true;
+      }
       const shape = model.shapes[item];
       const matrix = model.matrices[item];
-      if (isSolid[item] && isPlacedWell(model.bounds, 6 * item, marginOfItem(shape.reach, matrix))) {
-        const isMirrored = matrix.determinant() < 0;
-        const known = meshes[Number(isMirrored)];
-        if (!known.has(shape)) known.set(shape, this.#meshOf(shape, isMirrored));
-        const mesh = known.get(shape);
-        if (mesh !== null) {
-          scene.setMesh(ids[item], mesh, matrix.elements);
-          scene.setFlags(ids[item], Flag.Occluder);
-          this.occluders.made++;
-        }
-      }
+      if (!isSolid[item] || !isPlacedWell(model.bounds, 6 * item, marginOfItem(shape.reach, matrix))) return false;
+      const isMirrored = matrix.determinant() < 0;
+      const known = meshes[Number(isMirrored)];
+      if (!known.has(shape)) known.set(shape, this.#meshOf(scene, shape, isMirrored));
+      const mesh = known.get(shape);
+      if (mesh === null) return false;
+      scene.setMesh(ids[item], mesh, matrix.elements);
+      scene.setFlags(ids[item], Flag.Occluder);
+      return true;
+    };
+    let sliced = performance.now();
+    for (let item = 0; item < ids.length; item++) {
+      tally.made += Number(give(item));
       const now = performance.now();
       if (now - sliced < SLICE_MS) continue;
-      this.occluders.milliseconds += now - sliced;
-      progress(`Occluders: ${item} of ${model.count} objects`);
+      tally.milliseconds += now - sliced;
+      progress(`Occluders: ${item} of ${ids.length} objects`);
+      scene.flush?.();
       await pause();
       if (this.#destroyed) return;
       sliced = performance.now();
     }
-    this.occluders.milliseconds += performance.now() - sliced;
-    this.occluders.isDone = true;
-    // Positions for occluders are in the library now.
-    model.shapes = [];
-    model.matrices = [];
+    if (lists) scene.prepareOccluders();
+    tally.milliseconds += performance.now() - sliced;
+    tally.isDone = true;
   }
 
   /**
    * Makes the occluder mesh of a shape, or returns null. The library keeps fronts as fronts under a mirroring
    * matrix, the graphics card takes them for backs.
    */
-  #meshOf({ geometry, side }, isMirrored) {
+  #meshOf(scene, { geometry, side }, isMirrored) {
     const { index, attributes } = geometry;
     const triangles = index.count / 3;
     const positions = attributes.position.array;
@@ -135,7 +182,7 @@ export class Culling {
       indices = indices.slice();
       turnTriangles(indices);
     }
-    return this.scene.addMesh({ positions, indices, twoSided: side === DoubleSide });
+    return scene.addMesh({ positions, indices, twoSided: side === DoubleSide });
   }
 
   /** Names of the stages that this scene has what they need for. */
@@ -157,6 +204,7 @@ export class Culling {
       frustum: () => pipeline.addFrustum(),
       size: () => pipeline.addContribution(height, pixels),
       zbuffer: () => pipeline.addZBuffer(),
+      horizon: () => pipeline.addHorizon({ up: this.isZUp ? "z" : "y" }),
       ahead: () => {
         const wide = size / 40;
         const cell = wide / 6;
@@ -173,12 +221,23 @@ export class Culling {
       baked: () => pipeline.addPvs(this.building.baked),
     };
     this.chosen = this.offered.filter((name) => names.includes(name));
-    for (const name of this.chosen) stages[name]();
+    for (const name of this.chosen) stages[name]?.();
+    const late = STAGES.filter(({ name, inWorker }) => inWorker && this.chosen.includes(name));
+    if (late.length > 0) this.#workers ??= new Workers(this.visibility, this.objects);
+    this.#workers?.choose(
+      late.map(({ name }) => name),
+      { size, near },
+    );
   }
 
   /** A place or direction of the picture in the scene's own axes. */
   #axes([x, y, z]) {
     return this.isZUp ? [x, -z, y] : [x, y, z];
+  }
+
+  /** A place or direction of the scene in the axes of the picture. */
+  #picture([x, y, z]) {
+    return this.isZUp ? [x, z, -y] : [x, y, z];
   }
 
   /**
@@ -188,25 +247,50 @@ export class Culling {
     const { eye, fovY, aspect, near } = camera;
     const { ahead, up } = basisOf(camera);
     const pose = { eye: this.#axes(eye), target: this.#axes(add(eye, ahead)), up: this.#axes(up) };
-    this.view.setPerspective({ ...pose, fovY, aspect, near });
+    const lens = { ...pose, fovY, aspect, near };
+    this.view.setPerspective(lens);
     if (this.online) {
       const places = AHEAD_SECONDS.flatMap((t) => this.#axes(eye.map((x, i) => x + t * velocity[i])));
       this.online.step(this.scene, places, AHEAD_MICROSECONDS);
     }
     const start = performance.now();
     this.pipeline.cull(this.scene, this.view, this.visible);
+    const seen = this.visible.bits;
+    this.#leftByWorkers = this.#workers?.apply(this.view, lens, this.#axes(velocity), seen) ?? [];
     this.milliseconds = performance.now() - start;
     this.frustum.cull(this.scene, this.view, this.inView);
+    this.#seen = seen;
+    this.count = countBits(seen);
+  }
+
+  /** Text that changes with the answers of workers that hide something. */
+  get answersUsed() {
+    return this.#needs.there ? this.#workers.used : "";
+  }
+
+  /** What is hidden by workers in this frame: their answers, and boxes that are done. Null without workers. */
+  get workers() {
+    return this.#needs.there ? this.#workers.stats : null;
+  }
+
+  /** Boxes of the bake, in the axes of the picture. */
+  get bakedBoxes() {
+    const boxes = this.#needs.there ? this.#workers.boxes : [];
+    return boxes.map(({ min, max }) => {
+      const [a, b] = [this.#picture(min), this.#picture(max)];
+      return { min: a.map((x, i) => Math.min(x, b[i])), max: a.map((x, i) => Math.max(x, b[i])) };
+    });
   }
 
   /** Bits of the objects of the last frame: those to draw, and those within the view. */
   get bits() {
-    return { seen: this.visible.bits, inView: this.inView.bits };
+    return { seen: this.#seen, inView: this.inView.bits };
   }
 
   /** What each stage has left over in the last frame, as [name, number of objects]. */
   get left() {
-    return this.chosen.map((name, stage) => [name, this.pipeline.stageStats(stage).visible]);
+    const here = this.chosen.filter((name) => !STAGES.find((stage) => stage.name === name).inWorker);
+    return [...here.map((name, stage) => [name, this.pipeline.stageStats(stage).visible]), ...this.#leftByWorkers];
   }
 
   /** Why an item was drawn, or was not, in the next frame. */
@@ -215,7 +299,7 @@ export class Culling {
     this.cull(camera);
     const why = this.pipeline.explain(this.ids[item]);
     this.pipeline.setExplaining(false);
-    return why;
+    return why === "visible" && !hasItem(this.#seen, item) ? "removed by a worker's answer" : why;
   }
 
   destroy() {
@@ -231,6 +315,6 @@ export class Culling {
       this.inView,
       this.view,
     ];
-    for (const handle of [...handles, this.scene]) handle?.destroy();
+    for (const handle of [...handles, this.scene, this.#workers]) handle?.destroy();
   }
 }

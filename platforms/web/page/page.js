@@ -51,7 +51,11 @@ window.page = {
   judgeWithout,
 };
 
-const panel = new Panel({ chooseScene, chooseStages, toggle, openFiles, report, turnUpright });
+const choose = (names) => {
+  stagesAreChosen = true;
+  chooseStages(names);
+};
+const panel = new Panel({ chooseScene, chooseStages: choose, toggle, openFiles, report, turnUpright });
 let visibility, recipes, picture, judge, flyer, culling, walk;
 /** Resolves once the library and the recipes of scenes are there. */
 let started;
@@ -67,6 +71,8 @@ let mapHeight = 80;
 let frozen = null;
 /** Near plane distance in metres. */
 let near = 0.1;
+/** Whether a person has chosen cullers. */
+let stagesAreChosen = false;
 let times = [];
 let quality = 1;
 const pace = new Pace(performance.now());
@@ -115,7 +121,9 @@ async function tryToShow(name, make) {
   flyer.speed = made.speed ?? Math.max(picture.size / 25, 1e-3);
   for (const box of ["freeze", "above", "ghosts"]) toggle(box, false);
   toggle("walk", !query.has("still"));
-  chooseStages(state.stages);
+  // Occluders of a file are made in a worker: there may be many.
+  const inWorker = made.facts && !query.has("stages") && !stagesAreChosen;
+  chooseStages(inWorker ? state.stages.map((name) => (name === "zbuffer" ? "late" : name)) : state.stages);
   // A person who opens a file sees it from outside first.
   goTo(made.facts ? walk.length - AROUND : 0);
   state.loadMs = performance.now() - start;
@@ -123,8 +131,13 @@ async function tryToShow(name, make) {
   state.loading = false;
   panel.say("");
   panel.sceneIs(name, Boolean(state.facts.files));
-  await culling.makeOccluders(progress);
-  if (!isCurrent()) return;
+  await makeOccluders(culling, progress);
+}
+
+/** Makes the occluders that the chosen cullers of a model lack. */
+async function makeOccluders(of, progress) {
+  await of.makeOccluders(progress);
+  if (of !== culling) return;
   drawnSignature = "";
   checked.signature = "";
   panel.say("");
@@ -188,6 +201,9 @@ function chooseStages(names) {
   drawnSignature = "";
   times = [];
   panel.stagesAre(culling.offered, culling.chosen);
+  const of = culling;
+  // The model that is being shown gets its occluders once it is there.
+  if (!state.loading) makeOccluders(of, (text) => of === culling && panel.say(text)).catch(fail);
 }
 
 /** Moves the camera to a key of the walk; fractions are between keys. */
@@ -259,7 +275,9 @@ function frame(now) {
     camera,
     frozen !== null,
     toggles,
-    culling.visible.count,
+    culling.count,
+    culling.answersUsed,
+    toggles.above && culling.workers?.boxes,
     mapHeight,
     quality,
   ]);
@@ -267,16 +285,18 @@ function frame(now) {
     keepPace(interval);
     drawnSignature = signature;
     const bits = frozen?.bits ?? culling.bits;
-    const options = { culled, above: toggles.above ? mapHeight : 0, ghosts: toggles.ghosts };
+    const boxes = toggles.above ? culling.bakedBoxes : [];
+    const options = { culled, above: toggles.above ? mapHeight : 0, ghosts: toggles.ghosts, boxes };
     Object.assign(state, picture.draw(camera, bits, options));
     state.seen = bits.seen;
-    state.visible = culling.visible.count;
+    state.visible = culling.count;
     state.firstPictureMs ??= performance.now();
     if (toggles.measure) check(now, culled, bits.seen);
   } else if (toggles.measure) {
     check(now, culled, state.seen);
   }
   state.answer = culling.online?.answer;
+  state.workers = culling.workers;
   if (!toggles.measure) checked.result = null;
   state.check = checked.result;
   Object.assign(state, { key, frames: state.frames + 1 });
@@ -286,7 +306,7 @@ function frame(now) {
 
 /** Compares pictures, at most as often as leaves most of the time to other things. */
 function check(now, camera, seen) {
-  const signature = JSON.stringify([camera, culling.visible.count, culling.chosen, state.scene]);
+  const signature = JSON.stringify([camera, culling.answersUsed, culling.count, culling.chosen, state.scene]);
   if (signature === checked.signature || now - checked.at < Math.max(CHECK_MS, 8 * checked.cost)) return;
   const start = performance.now();
   const result = judge.compare(picture, camera, seen);

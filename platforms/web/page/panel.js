@@ -146,6 +146,13 @@ export class Panel {
       `occluders ${whole(made)} of ${whole(all)}${isDone ? `, ${milliseconds.toFixed(0)} ms` : " so far"}`,
     ];
     if (culling.online) lines.push(`ahead     answer by: ${culling.online.answer}`);
+    for (const [name, { reason, ageMs, workerMs }] of culling.workers?.answers ?? [])
+      lines.push(`${name.padEnd(10)}${reason || `${ageMs.toFixed(0)} ms old`}, took ${workerMs.toFixed(0)} ms`);
+    if (culling.workers?.boxes !== undefined) {
+      const { boxes, box, bakeMs } = culling.workers;
+      const here = box ? `${whole(box.hidden)} objects hidden from here` : "this cell is not baked yet";
+      lines.push(`bake      ${boxes} cells, ${here}, took ${bakeMs.toFixed(0)} ms`);
+    }
     if (check) {
       lines.push(`in truth  ${whole(check.shown)} solid objects show`);
       if (check.wrongObjects > 0) lines.push(`missing   ${whole(check.wrongObjects)} objects that show`);

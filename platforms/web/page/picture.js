@@ -25,7 +25,7 @@ import { hasItem } from "./items.js";
 import { Outlines } from "./outlines.js";
 import { Shade } from "./shade.js";
 
-const COLORS = { seen: "#ffd166", hidden: "#ff7a45", outside: "#5b7fa6" };
+const COLORS = { seen: "#ffd166", hidden: "#ff7a45", outside: "#5b7fa6", baked: "#8fd694" };
 const SKY = new Color("#b9cfe0");
 const GROUND = new Color("#12161b");
 
@@ -65,8 +65,13 @@ export class Picture {
       new LineBasicMaterial({ color: COLORS.seen, depthTest: false }),
     );
     this.lines.frustumCulled = this.lines.visible = false;
+    this.boxes = new LineSegments(
+      new BufferGeometry(),
+      new LineBasicMaterial({ color: COLORS.baked, depthTest: false, transparent: true, opacity: 0.7 }),
+    );
+    this.boxes.frustumCulled = this.boxes.visible = false;
     this.overlay = new Scene();
-    this.overlay.add(this.lines, this.outlines.lines);
+    this.overlay.add(this.lines, this.boxes, this.outlines.lines);
     this.shown = new Uint32Array(0);
   }
 
@@ -197,11 +202,27 @@ export class Picture {
     this.lines.geometry = new BufferGeometry().setFromPoints(points);
   }
 
+  /** Outlines of baked boxes as they are seen from above, at the height of the eye. */
+  #showBoxes(boxes, y) {
+    const points = boxes.flatMap(({ min, max }) => {
+      const corners = [
+        [min[0], min[2]],
+        [max[0], min[2]],
+        [max[0], max[2]],
+        [min[0], max[2]],
+      ].map(([x, z]) => new Vector3(x, y, z));
+      return corners.flatMap((corner, i) => [corner, corners[(i + 1) % 4]]);
+    });
+    this.boxes.geometry.dispose();
+    this.boxes.geometry = new BufferGeometry().setFromPoints(points);
+  }
+
   /**
    * Draws a frame. `camera` is where one looks from, `culled` the camera that `bits` are of. `above` is the
-   * height in metres of the view from above, or 0. `ghosts` shows hidden items through those in front.
+   * height in metres of the view from above, or 0. `ghosts` shows hidden items through those in front. `boxes` are
+   * those that a bake has done, for the view from above.
    */
-  draw(camera, bits, { culled = camera, above = 0, ghosts = false } = {}) {
+  draw(camera, bits, { culled = camera, above = 0, ghosts = false, boxes = [] } = {}) {
     const { renderer, scene, materials } = this;
     const sets = this.sets(bits);
     const eye = above ? this.#lookDown(camera, above) : this.look(camera);
@@ -223,6 +244,8 @@ export class Picture {
     const { triangles, calls } = renderer.info.render;
     this.lines.visible = Boolean(above) || culled !== camera;
     if (this.lines.visible) this.#showView(culled, above ? above / 3 : this.size / 4);
+    this.boxes.visible = above > 0 && boxes.length > 0;
+    if (this.boxes.visible) this.#showBoxes(boxes, culled.eye[1]);
     this.shade.end(eye, above ? 0 : 1, this.size);
     if (ghosts && !above) {
       this.show(sets.hidden);

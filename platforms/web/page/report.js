@@ -36,7 +36,7 @@ async function measure({ culling, picture, judge, say }, stages, cameras, settin
       if (hasItem(seen, item)) triangles += count;
     });
     const judged = judge.compare(picture, camera, seen);
-    rows.push({ objects: culling.visible.count, triangles, ...judged });
+    rows.push({ objects: culling.count, triangles, ...judged });
     await pause();
   }
   let milliseconds = 0;
@@ -85,9 +85,14 @@ async function makeReport(tools) {
     return { ...key, near, aspect };
   });
   const here = { ...state.camera, aspect };
-  const { chosen } = culling;
+  // Each camera of the report is culled once: a worker's answer would be for another. What the page has in a worker
+  // is measured in the frame.
+  const inFrame = culling.chosen.map((name) => (name === "late" ? "zbuffer" : name));
+  const chosen = inFrame.filter((name, i) => !STAGES.find((stage) => stage.name === name).inWorker && inFrame.indexOf(name) === i);
   const settings = { height: HEIGHT, pixels: state.pixels, size: picture.size, near };
   const title = (name) => STAGES.find((stage) => stage.name === name)?.title.toLowerCase() ?? name;
+  culling.choose(chosen, settings);
+  await culling.makeOccluders(tools.say);
   const rows = [
     await measure(tools, [], all, settings, "everything"),
     await measure(tools, ["frustum"], all, settings, title("frustum")),

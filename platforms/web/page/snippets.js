@@ -4,6 +4,7 @@ const STAGE_LINES = {
   frustum: ".addFrustum()",
   size: (height, pixels) => `.addContribution(${height}, ${pixels})`,
   zbuffer: ".addZBuffer()",
+  horizon: `.addHorizon({ up: "y" })`,
   ahead: ".addOnline(online)",
   portals: ".addPortals(cells)",
   baked: ".addPvs(baked)",
@@ -11,7 +12,7 @@ const STAGE_LINES = {
 
 function chain(stages, height, pixels) {
   return stages
-    .map((name) => STAGE_LINES[name])
+    .map((name) => STAGE_LINES[name] ?? "")
     .map((line) => (typeof line === "function" ? line(height, pixels) : line))
     .join("");
 }

@@ -134,6 +134,33 @@ async function files(tab) {
   assert.match(report, /visibility-three/);
 }
 
+/** The horizon, and cullers in workers: none hides what is seen, also while the camera moves on. */
+async function workers(tab) {
+  await writeWall(`${pictures}/wall.glb`);
+  const { stages } = await tab.openFiles(`${pictures}/wall.glb`);
+  assert.deepEqual(stages, ["frustum", "late"], "a file's occluders are made in a worker");
+  const from = (x) => `page.lookFrom([${x}, 3, 25], [${x}, 3, 0])`;
+  await tab.act(from(0));
+  await tab.until(`page.state.workers.answers[0][1].isUsed && page.state.visible === 2`);
+  const right = (state, at) =>
+    assert.deepEqual([state.check.wrongPixels, state.check.wrongObjects], [0, 0], at);
+  right(await tab.judged(""), "a z-buffer in a worker");
+  await save(tab, "worker");
+  // The first frame from a new place has an answer for the former at most.
+  for (const x of [0.01, 8, -6]) right(await tab.judged(from(x)), `a z-buffer in a worker, from x = ${x}`);
+  await tab.act(`page.chooseStages(["frustum", "bake"]); ${from(0)}`);
+  await tab.until(`page.state.workers.box && page.state.visible < 38`);
+  const baked = await tab.judged("");
+  right(baked, "a bake in a worker");
+  assert.ok(baked.visible >= 2 && baked.workers.box.hidden > 20, `the bake leaves ${baked.visible}`);
+  await tab.act(`page.toggle("above", true)`);
+  await save(tab, "baked-above");
+  await tab.act(`page.toggle("above", false)`);
+  const horizon = await tab.judged(`page.chooseStages(["frustum", "horizon"])`);
+  right(horizon, "the horizon");
+  assert.equal(horizon.visible, 2, "objects that the horizon leaves");
+}
+
 /** Surfaces of one side whose node, or whose instance, is mirrored: the library has the sides of the picture. */
 async function mirrors(tab) {
   const path = `${pictures}/mirrored.glb`;
@@ -244,6 +271,7 @@ async function farVertices(tab) {
       mesh.position.y = -far;
       const model = await makeModel(new Group().add(mesh), () => {});
       const culling = Culling.ofModel(visibility, model);
+      culling.choose(["frustum", "zbuffer"], { height: 360, pixels: 0, size: 1, near: 0.1 });
       await culling.makeOccluders(() => {});
       results.push({ height: model.bounds[4] - model.bounds[1], made: culling.occluders.made });
       culling.destroy();
@@ -409,6 +437,7 @@ async function phone(tab) {
 try {
   const tests = [
     [files, OFFICE],
+    [workers, OFFICE],
     [mirrors, OFFICE],
     [straightDown, OFFICE],
     [looseObjects, OFFICE],

@@ -9,19 +9,21 @@ const MOST_CLIP_PLANES = 10;
 const matrix = new Matrix4();
 
 /**
- * Sets a view to a camera of three.js. False if the camera has no view, such as one whose matrix is NaN, or
- * one of which it is not known which surfaces it draws.
+ * Sets a view to a camera of three.js, and returns how: the name of the method of `View`, and its parameters.
+ * Null if the camera has no view, such as one whose matrix is NaN, or one of which it is not known which
+ * surfaces it draws.
  */
 export function setView(view, camera, origin, clippingPlanes) {
-  if (clippingPlanes.length > MOST_CLIP_PLANES || !drawsNearestFronts(camera)) return false;
+  if (clippingPlanes.length > MOST_CLIP_PLANES || !drawsNearestFronts(camera)) return null;
   const [x, y, z] = origin;
   matrix.multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
   const clip = Float64Array.from(matrix.elements);
   for (let row = 0; row < 4; row++) clip[12 + row] += clip[row] * x + clip[4 + row] * y + clip[8 + row] * z;
   const isZeroToOne = camera.coordinateSystem === WebGPUCoordinateSystem;
   const depth = isZeroToOne ? Depth.ZeroToOne : Depth.NegativeOneToOne;
+  const how = ["setMatrix", clip, camera.reversedDepth ? Depth.Reversed : depth];
   try {
-    view.setMatrix(clip, camera.reversedDepth ? Depth.Reversed : depth);
+    view.setMatrix(...how.slice(1));
     const planes = clippingPlanes.map(({ normal: n, constant }) => [
       n.x,
       n.y,
@@ -30,11 +32,11 @@ export function setView(view, camera, origin, clippingPlanes) {
     ]);
     view.setClipPlanes(planes);
   } catch (error) {
-    if (error instanceof VisibilityError && error.code === "ARGUMENT") return false;
+    if (error instanceof VisibilityError && error.code === "ARGUMENT") return null;
     throw error;
   }
   view.setLayers(camera.layers.mask >>> 0);
-  return true;
+  return how;
 }
 
 /**

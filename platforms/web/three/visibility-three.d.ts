@@ -24,6 +24,14 @@ export interface CullingOptions {
   maxOccluderTriangles?: number;
   /** Size of the software z-buffer in pixels, 16 to 4096 a side: 512 x 288 by default. */
   zBuffer?: { width?: number; height?: number };
+  /**
+   * Draws the z-buffer in a worker, so that frames do not wait for it. Its answer is for an earlier camera: it
+   * is made for all within `metres` and `degrees` of that, and hides nothing from any other; nor after an
+   * occluder has moved, changed or gone, until the next answer. So nothing is hidden by mistake, and less is
+   * hidden than without. By default 0.25 m and 8 degrees. `port` is a worker of `visibility-web/late-worker.js`,
+   * if your program has started it; without, one is started.
+   */
+  worker?: { metres?: number; degrees?: number; port?: Worker | MessagePort };
 }
 
 /** What the last culled frame was. Objects are meshes, or instances of meshes. */
@@ -40,6 +48,8 @@ export interface CullingStats {
   followMs: number;
   cullMs: number;
   applyMs: number;
+  /** With `worker`: whether its answer was used in this frame, why not, how old it is, and what it took. */
+  late?: { isUsed: boolean; reason: string; ageMs: number; workerMs: number };
 }
 
 /** Culls a scene for its cameras, each time that one of them draws it. */

@@ -13,6 +13,7 @@
 
 import { BatchedMesh, LOD, Matrix4, Mesh, Object3D } from "three";
 import { Flag, indexOf, load } from "visibility-web";
+import { LateAnswers, LateScene, startWorker } from "visibility-web/late.js";
 import { EMPTY, isPlacedWell, moveBox, place, skinnedBox } from "./boxes.js";
 import {
   ALL,
@@ -35,6 +36,17 @@ import { Shape, Surface, Surfaces, bonesOf, sideOf } from "./surfaces.js";
 import { setView } from "./view.js";
 
 const matrix = new Matrix4();
+
+/** Returns the number of bits that are set. */
+function countBits(words) {
+  let count = 0;
+  for (let word of words) {
+    word -= (word >>> 1) & 0x55555555;
+    word = (word & 0x33333333) + ((word >>> 2) & 0x33333333);
+    count += (((word + (word >>> 4)) & 0x0f0f0f0f) * 0x01010101) >>> 24;
+  }
+  return count;
+}
 
 /** See `visibility-three.d.ts`. */
 export class VisibilityCulling {
@@ -101,10 +113,13 @@ export class VisibilityCulling {
   }
 
   async #load() {
-    const visibility = this.#options.visibility ?? (await load());
+    const visibility = this.#options.visibility ?? (await load({ frames: true }));
     if (this.#isDisposed) return;
     this.#visibility = visibility;
-    this.#followed = visibility.createScene();
+    const { worker } = this.#options;
+    const scene = visibility.createScene();
+    // `worker.port` is for programs that start the worker themselves.
+    this.#followed = worker ? new LateScene(scene, [worker.port ?? startWorker({ frames: true })]) : scene;
   }
 
   addCamera(camera, eye = camera) {
@@ -116,8 +131,8 @@ export class VisibilityCulling {
 
   removeCamera(camera) {
     if (this.#active?.camera === camera) this.#end();
-    const { view, pipeline, visible } = this.#cameras.get(camera) ?? {};
-    for (const handle of [view, pipeline, visible]) handle?.destroy();
+    const { view, pipeline, visible, late } = this.#cameras.get(camera) ?? {};
+    for (const handle of [view, pipeline, visible, late]) handle?.destroy();
     this.#cameras.delete(camera);
   }
 
@@ -157,7 +172,8 @@ export class VisibilityCulling {
     // WebGPURenderer has no planes of its own.
     const planes = (renderer.isWebGLRenderer && renderer.clippingPlanes) || [];
     this.#isClipped = planes.length > 0;
-    if (!setView(tools.view, eye, this.#origin, planes)) return;
+    tools.how = setView(tools.view, eye, this.#origin, planes);
+    if (tools.how === null) return;
     this.#follow(camera);
     const followed = performance.now();
     const { occluders, visible, isVisible } = this.#cull(tools);
@@ -171,25 +187,37 @@ export class VisibilityCulling {
       followMs: followed - start,
       cullMs: culled - followed,
       applyMs: performance.now() - culled,
+      late: tools.late?.stats,
     });
   }
 
   #tools(camera) {
     const tools = this.#cameras.get(camera);
     if (!tools.view) {
-      const { width, height } = this.#options.zBuffer;
+      const { worker, zBuffer } = this.#options;
+      const { width, height } = zBuffer;
       tools.view = this.#visibility.createView();
       tools.visible = this.#visibility.createVisible();
-      tools.pipeline = this.#visibility.createPipeline().addFrustum().addZBuffer(width, height);
+      tools.pipeline = this.#visibility.createPipeline().addFrustum();
+      if (worker) {
+        const { metres, degrees = 8 } = worker;
+        const stages = [["addZBuffer", ...(width && height ? [width, height] : [])]];
+        const options = { metres, radians: (degrees * Math.PI) / 180, stages };
+        tools.late = new LateAnswers(this.#visibility, this.#followed, options);
+      } else tools.pipeline.addZBuffer(width, height);
     }
     return tools;
   }
 
   /** Culls for a camera. Returns counts, and whether the object of an index is visible. */
-  #cull({ eye, view, pipeline, visible }) {
+  #cull({ eye, view, how, pipeline, visible, late }) {
     const cull = () => {
-      const stats = pipeline.cull(this.#followed, view, visible);
+      const stats = pipeline.cull(this.#followed.local ?? this.#followed, view, visible);
       const { bits } = visible;
+      if (late) {
+        late.apply(view, how, bits, eye.layers.mask >>> 0);
+        Object.assign(stats, { visible: countBits(bits), occluders: late.stats.occluders });
+      }
       return { ...stats, isVisible: (index) => (bits[index >>> 5] >>> (index & 31)) & 1 };
     };
     const culled = cull();

@@ -50,7 +50,7 @@ async function build(kind) {
   scene.add(sun, sun.target, new THREE.HemisphereLight(0xcfe4ff, 0x665544, 1.2));
   fillTown(scene, COUNT, kind);
   // This line is all that a program needs.
-  culling = new VisibilityCulling(scene, camera);
+  culling = new VisibilityCulling(scene, camera, query.has("worker") ? { worker: {} } : {});
   // The map shows what that camera sees.
   culling.addCamera(map, camera);
   await culling.ready;
@@ -119,6 +119,10 @@ function show() {
   lines.push(
     `<tr><th>culling itself, ms</th><td></td><td>${state.visibility.cullingMs.toFixed(1)}</td></tr>`,
   );
+  if (stats.late) {
+    const { isUsed, reason, ageMs } = stats.late;
+    lines.push(`<tr><th>answer of the worker</th><td></td><td>${isUsed ? `${ageMs.toFixed(0)} ms old` : reason}</td></tr>`);
+  }
   lines.push(`<tr><th>wrong pixels in ${state.compared} pictures</th><td></td><td>${state.wrong}</td></tr>`);
   element("table").innerHTML = lines.join("");
 }

@@ -1,0 +1,183 @@
+// The worker of `late.js`: follows the calls of a scene, culls for views with a reach, and finds what is hidden
+// from boxes.
+
+import { ALL_LAYERS, Flag, indexOf, load } from "./visibility.js";
+
+/** Culls of one view until the answer is kept: for the view itself, for its reach, and to see that it is. */
+const MOST_CULLS = 3;
+
+/** An answer by which nothing is hidden. */
+const NO_ANSWER = () => ({ isForReach: false, bits: new Uint32Array(0) });
+
+/** Serves a port with a library. */
+export function serve(port, visibility) {
+  const scene = visibility.createScene();
+  /** By number of the main thread: the mesh, unless the library has refused it. */
+  const meshes = new Map();
+  const pipelines = new Map();
+  const visible = visibility.createVisible();
+  const view = visibility.createView();
+  let revision = 0;
+  let refusals = [];
+  /** By index: the id that an object has here, its flags, and whether its mesh was refused: then it hides nothing. */
+  const [ids, flags, isBarred] = [[], [], []];
+  /** Whether this scene is not that of the main thread: then no answer holds. */
+  let isBroken = false;
+
+  /** Returns the id of the object that has another in the main thread. */
+  const here = (id) => ids[indexOf(id)];
+
+  function setFlags(index) {
+    scene.setFlags(ids[index], isBarred[index] ? flags[index] & ~Flag.Occluder : flags[index]);
+  }
+
+  /** Gives an object what it hides others by, or lets it hide nothing if that is refused. */
+  function setShape(id, set) {
+    const index = indexOf(id);
+    const was = isBarred[index];
+    isBarred[index] = true;
+    try {
+      isBarred[index] = !set(ids[index]);
+    } finally {
+      if (isBarred[index] !== was) setFlags(index);
+    }
+  }
+
+  const own = {
+    insertAll(objects, indices) {
+      const made = scene.insertAll(objects);
+      made.forEach((id, i) => {
+        const index = indexOf(id);
+        if (index !== indices[i]) throw new Error(`object ${indices[i]} is object ${index} here`);
+        ids[index] = id;
+        flags[index] = typeof objects.flags === "object" ? objects.flags[i] : (objects.flags ?? 0);
+        isBarred[index] = false;
+      });
+    },
+    removeAll: (all) => scene.removeAll(all.map(here)),
+    setBounds: (id, box) => scene.setBounds(here(id), box),
+    setAllBounds: (all, bounds) => scene.setAllBounds(all.map(here), bounds),
+    setLocalBounds: (id, box) => scene.setLocalBounds(here(id), box),
+    setTransforms: (all, matrices) => scene.setTransforms(all.map(here), matrices),
+    setLayers: (id, layers) => scene.setLayers(here(id), layers),
+    setFlags(id, to) {
+      flags[indexOf(id)] = to;
+      setFlags(indexOf(id));
+    },
+    rebuild: () => scene.rebuild(),
+    addMesh: (mesh, number) => meshes.set(number, scene.addMesh(mesh)),
+    addBoxMesh: (box, number) => meshes.set(number, scene.addBoxMesh(box)),
+    removeMesh(number) {
+      const mesh = meshes.get(number);
+      meshes.delete(number);
+      if (mesh !== undefined) scene.removeMesh(mesh);
+    },
+    setMesh: (id, number, transform) =>
+      setShape(id, (id) => {
+        const mesh = meshes.get(number);
+        if (mesh !== undefined) scene.setMesh(id, mesh, transform);
+        return mesh !== undefined;
+      }),
+    setTriangles: (id, triangles) => setShape(id, (id) => (scene.setTriangles(id, triangles), true)),
+    prepareOccluders: () => scene.prepareOccluders(),
+  };
+  /** What may be refused here alone: shapes, which the main thread does not have. */
+  const MAY_FAIL = ["addMesh", "addBoxMesh", "setMesh", "setTriangles"];
+
+  function apply([name, parameters]) {
+    revision++;
+    try {
+      own[name](...parameters);
+    } catch (error) {
+      refusals.push(`${name}: ${error.message}`);
+      isBroken ||= !MAY_FAIL.includes(name);
+    }
+  }
+
+  /** Returns the pipeline of stages: names of methods with their parameters. */
+  function pipelineOf(stages) {
+    const key = JSON.stringify(stages);
+    let made = pipelines.get(key);
+    // Cells are of occluders as they were.
+    if (made?.cells && made.revision !== revision) {
+      for (const handle of [made.pipeline, made.cells]) handle.destroy();
+      made = null;
+    }
+    if (!made) {
+      made = { pipeline: visibility.createPipeline().addFrustum(), cells: null, revision };
+      for (const [name, ...parameters] of stages) {
+        if (name === "addPortals") {
+          made.cells = visibility.createCellsOfScene(scene, ...parameters);
+          made.pipeline.addPortals(made.cells);
+        } else made.pipeline[name](...parameters);
+      }
+      pipelines.set(key, made);
+    }
+    return made;
+  }
+
+  const answers = {
+    cull({ of, reach, camera: [method, parameters], layers }) {
+      // Cells are of the occluders of all layers.
+      if (layers !== ALL_LAYERS && of.some(([name]) => name === "addPortals")) return NO_ANSWER();
+      view[method](...parameters);
+      view.setLayers(layers);
+      const { pipeline, cells } = pipelineOf(of);
+      pipeline.setReach(...reach);
+      // Without this, an answer that is kept could be for a reach around an earlier view.
+      pipeline.reset();
+      let stats;
+      for (let i = 0; i < MOST_CULLS; i++) {
+        const culled = pipeline.cull(scene, view, visible);
+        if (pipeline.isKept) break;
+        stats = culled;
+      }
+      return { isForReach: pipeline.isKept, bits: visible.bits, occluders: stats?.occluders ?? 0, cells: cells?.count };
+    },
+    /** Finds what is hidden from all points of a box, by sets made ahead for its middle. */
+    hidden({ min, max }) {
+      const size = min.map((low, i) => max[i] - low);
+      const middle = min.map((low, i) => (low + max[i]) / 2);
+      const most = Math.max(...size);
+      // A viewcell reaches the margin beyond its place, here half of the box and a little more.
+      const margin = most * 0.5625;
+      const cell = 2 * most;
+      const online = visibility.createOnline({
+        viewcell: [cell, cell, cell],
+        wide: [2 * cell, 2 * cell, 2 * cell],
+        margin,
+      });
+      while (online.step(scene, middle, 1e6) !== null);
+      const bits = online.hiddenFrom(scene, { min, max });
+      online.destroy();
+      return { bits };
+    },
+  };
+
+  port.onmessage = ({ data: { calls, ask } }) => {
+    for (const call of calls) apply(call);
+    if (calls.length > 0) scene.maintain();
+    if (!ask) return;
+    const start = performance.now();
+    let answer;
+    try {
+      answer = isBroken ? NO_ANSWER() : answers[ask.what](ask);
+    } catch (error) {
+      refusals.push(error.message);
+      answer = NO_ANSWER();
+    }
+    const milliseconds = performance.now() - start;
+    port.postMessage({ number: ask.number, refusals, milliseconds, ...answer }, [answer.bits.buffer]);
+    refusals = [];
+  };
+}
+
+if (typeof DedicatedWorkerGlobalScope !== "undefined" && self instanceof DedicatedWorkerGlobalScope) {
+  // What comes before the library is there.
+  const early = [];
+  self.onmessage = (message) => early.push(message);
+  load({ frames: self.name === "frames" }).then((visibility) => {
+    serve(self, visibility);
+    for (const message of early) self.onmessage(message);
+  });
+}

@@ -1,0 +1,91 @@
+// Culling in a worker. Its answers come late, and hide nothing by mistake.
+
+import type { Numbers, ObjectId, Scene, View, Visibility } from "./visibility.js";
+
+/** Starts a worker of this package, which loads the library: with `frames` the small module, without portals. */
+export function startWorker(options?: { frames?: boolean }): Worker;
+
+/**
+ * A scene that workers follow, with the methods of `Scene` that change it. Boxes are in `local`, for pipelines of
+ * this thread; occluder meshes are with the workers alone, and so is what it takes to make them. `rebuild` and
+ * `maintain` are as in `Scene`. A mesh that the library refuses is told in `refusals`, and hides nothing.
+ */
+export interface LateScene
+  extends Pick<
+    Scene,
+    | "count"
+    | "indexLimit"
+    | "contains"
+    | "bounds"
+    | "insert"
+    | "insertAll"
+    | "remove"
+    | "removeAll"
+    | "setBounds"
+    | "setAllBounds"
+    | "setLocalBounds"
+    | "setTransforms"
+    | "setLayers"
+    | "setFlags"
+    | "maintain"
+    | "rebuild"
+    | "addMesh"
+    | "addBoxMesh"
+    | "removeMesh"
+    | "setMesh"
+    | "destroy"
+  > {
+  readonly local: Scene;
+  readonly refusals: string[];
+  /** As in `Scene`, in the workers: triangles are in coordinates of the scene. */
+  setTriangles(id: ObjectId, triangles: Numbers): void;
+  prepareOccluders(): void;
+  /**
+   * Asks worker `to` which objects are hidden from all points of a box. `then` gets a bit for each object, set if
+   * it is hidden, and `revision`: the answer is good while `holds(revision)`, for objects with `isSame(index,
+   * revision)`, and for cameras that see the layers of all occluders.
+   */
+  ask(
+    question: { what: "hidden"; min: Numbers; max: Numbers },
+    then: (answer: { bits: Uint32Array; revision: number; milliseconds: number }) => void,
+    to?: number,
+  ): void;
+  /** Whether all that hid others after `revision` calls still does. */
+  holds(revision: number): boolean;
+  /** Whether the object of an index is as it was after `revision` calls. */
+  isSame(index: number, revision: number): boolean;
+}
+export const LateScene: { new (scene: Scene, ports: readonly (Worker | MessagePort)[]): LateScene };
+
+/** A stage of the worker's pipeline, after the frustum: a method of `Pipeline` and its parameters. */
+export type LateStage =
+  | readonly ["addZBuffer", number?, number?]
+  /** Cells and portals are made from the triangles of all occluders, anew after each change. */
+  | readonly ["addPortals", { maxCells?: number }?];
+
+export interface LateOptions {
+  /** Distance of the eye, and angle in radians, up to which an answer is good: 0.25 and 0.15 by default. */
+  metres?: number;
+  radians?: number;
+  /** The z-buffer by default. */
+  stages?: readonly LateStage[];
+}
+
+/** The late answers for the views of one camera. */
+export class LateAnswers {
+  constructor(visibility: Visibility, scene: LateScene, options?: LateOptions);
+  /** The last frame: whether an answer was used and which, if not why, its age, and what the worker took for it. */
+  readonly stats: { isUsed: boolean; number: number; reason: string; ageMs: number; workerMs: number; occluders: number };
+  /**
+   * Takes out of `bits`, a bit for each object that the frustum leaves, what the last answer hides from `view`.
+   * Nothing, if the view is beyond the answer's reach or an occluder has changed since. `how` is how the view was
+   * set. Asks for the next answer, if none is awaited.
+   */
+  apply(
+    view: View,
+    how: readonly ["setMatrix" | "setPerspective", ...unknown[]],
+    bits: Uint32Array,
+    layers?: number,
+  ): Uint32Array;
+  destroy(): void;
+}
