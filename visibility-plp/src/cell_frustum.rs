@@ -64,7 +64,7 @@ pub(crate) struct CellFrustum {
     pub(crate) eye: Eye,
     /// Bound on the error of `eye`: in metres for a point; for a direction, the length of the difference of
     /// unit vectors. Infinite where rounding leaves the eye undecided.
-    eye_error: f64,
+    pub(crate) eye_error: f64,
     /// View planes; only the first `count` are valid.
     planes: [BoundedPlane; MAX_PLANES],
     /// Number of planes of the view: the valid entries of `planes`.
@@ -87,11 +87,11 @@ impl CellFrustum {
         let projection = ViewProjection::new(view, origin);
         let (eye, eye_error) = (projection.eye(), projection.eye_error());
         let exit_margin = match eye {
-            // Point and normal have errors of a few times 2^-52 of the greatest coordinate. 1e-9 of this
-            // coordinate is a million times as much, and drops no face.
-            Eye::Point(eye) => -1e-9 * (reach + eye.abs().max_element()),
-            // The cosine of two unit vectors has an error of a few times 2^-52.
-            Eye::Direction(_) => -1e-9,
+            // Point and normal have errors of a few times 2^-52 of the greatest coordinate, beside that of the
+            // eye. 1e-9 of this coordinate is a million times as much, and drops no face.
+            Eye::Point(eye) => -1e-9 * (reach + eye.abs().max_element()) - eye_error,
+            // The cosine of two unit vectors has an error of a few times 2^-52, beside that of the direction.
+            Eye::Direction(_) => -1e-9 - eye_error,
         };
         let none = BoundedPlane { normal: DVec3::ZERO, offset: 0.0, slack: 0.0 };
         let planes = [none; MAX_PLANES];

@@ -154,8 +154,8 @@ impl NormalBins {
     /// the bin's normal, in steps. The second is the minimum difference, in steps, between the eye's and a
     /// triangle's offset that makes the eye's side certain. Bins that are not flat and all bins of a parallel
     /// view get infinity. `eye` and `bounds`, the box around all triangles, are relative to the scene's
-    /// origin.
-    pub(crate) fn eye_offsets(&self, eye: Eye, bounds: &Aabb, offsets: &mut Vec<[f64; 2]>) {
+    /// origin; `eye_error` is a bound on the error of the eye in metres.
+    pub(crate) fn eye_offsets(&self, eye: Eye, eye_error: f64, bounds: &Aabb, offsets: &mut Vec<[f64; 2]>) {
         offsets.clear();
         offsets.resize(self.bins.len(), [0.0, f64::INFINITY]);
         let Eye::Point(eye) = eye else { return };
@@ -168,8 +168,10 @@ impl NormalBins {
                 // distance. The spread is that of the computed m, which for slivers has an error of up to
                 // 1e-9: see `unit_normal`, which accepts at most half of that. Products with n are rounded by
                 // 1e-15 of the distance, and the spread was rounded up. Offsets in steps are rounded down by
-                // up to one step; the division by the step preserves order.
-                let sure = (f64::from(bin.spread) + 1e-9) * farthest / self.step + 1.0;
+                // up to one step; the division by the step preserves order. An eye off by its error changes the
+                // offset by at most as much, and the second term by less than a
+                // thousandth of that.
+                let sure = ((f64::from(bin.spread) + 1e-9) * farthest + 1.001 * eye_error) / self.step + 1.0;
                 *of_bin = [offset / self.step, sure];
             }
         }
@@ -299,7 +301,7 @@ mod tests {
         let (mut counts, mut offsets) = ([0; 3], Vec::new());
         for eye in [[1.1, 0.2, 0.3], [3.0, 4.0, -2.0], [-50.0, 30.0, 1.7], [900.0, 1.0, 800.0], [0.1; 3]] {
             let toward = BoxFromEye::new(Eye::Point(DVec3::from_array(eye)), &cell);
-            bins.eye_offsets(Eye::Point(DVec3::from_array(eye)), &all, &mut offsets);
+            bins.eye_offsets(Eye::Point(DVec3::from_array(eye)), 0.0, &all, &mut offsets);
             for id in scene.ids() {
                 let [a, b, c] = scene.triangles(id).unwrap().get(0).unwrap().map(|p| p.as_dvec3());
                 let distance = (b - a).cross(c - a).dot(DVec3::from_array(eye) - a);
@@ -338,7 +340,7 @@ mod tests {
         for step in 0..200 {
             for beside in [0.0, 1e-9, -1e-9, 0.003, -0.003] {
                 let eye = DVec3::new(0.3, 0.2, f64::from(step as f32 * 10.0 * 0.0007 - 0.3) + beside);
-                bins.eye_offsets(Eye::Point(eye), &cell, &mut offsets);
+                bins.eye_offsets(Eye::Point(eye), 0.0, &cell, &mut offsets);
                 let toward = BoxFromEye::new(Eye::Point(eye), &cell);
                 for id in scene.ids() {
                     let [a, b, c] = scene.triangles(id).unwrap().get(0).unwrap().map(|p| p.as_dvec3());
@@ -401,7 +403,7 @@ mod tests {
                     let cell = Aabb::new(center - half, center + half);
                     let eye = q + away * sign;
                     let eye = eye - m * (m.dot(eye - q) - sign * 1e-7);
-                    bins.eye_offsets(Eye::Point(eye), &all, &mut offsets);
+                    bins.eye_offsets(Eye::Point(eye), 0.0, &all, &mut offsets);
                     let side = bins.eye_side(id.index(), &BoxFromEye::new(Eye::Point(eye), &cell), &offsets);
                     assert_ne!(
                         side,
@@ -460,7 +462,7 @@ mod tests {
                     "the eye {eye:?} is {before} before the plane, with the sign {sign}"
                 );
                 let eye = fine(eye);
-                bins.eye_offsets(Eye::Point(eye), &bounds, &mut offsets);
+                bins.eye_offsets(Eye::Point(eye), 0.0, &bounds, &mut offsets);
                 let side = bins.eye_side(id.index(), &BoxFromEye::new(Eye::Point(eye), &bounds), &offsets);
                 assert_ne!(
                     side,
@@ -526,7 +528,7 @@ mod tests {
             let cell = Aabb::from_arrays([0.0; 3], [eye as f32; 3]);
             let (bins, eye, mut offsets) =
                 (NormalBins::new(scene), Eye::Point(DVec3::splat(eye)), Vec::new());
-            bins.eye_offsets(eye, &cell, &mut offsets);
+            bins.eye_offsets(eye, 0.0, &cell, &mut offsets);
             bins.eye_side(object, &BoxFromEye::new(eye, &cell), &offsets)
         };
         for triangles in [&[flat][..], &[odd], &[huge, huge]] {

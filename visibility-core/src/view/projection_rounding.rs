@@ -185,6 +185,13 @@ impl ViewProjection {
         [self.row((x + w) * (0.5 * width)), self.row((w - y) * (0.5 * height))]
     }
 
+    /// Returns what [`pixels`](Self::pixels) leave to the right side of the picture and to its lower side: `width *
+    /// w - x` and `height * w - y`. Differences of those rows would be rounded by `x`, which may be much larger.
+    pub fn pixels_to_end(&self, width: f64, height: f64) -> [ClipRow; 2] {
+        let [x, y, _, w] = self.rows;
+        [self.row((w - x) * (0.5 * width)), self.row((w + y) * (0.5 * height))]
+    }
+
     /// Returns 1 if the directions right, up and ahead of the picture are left-handed axes, -1 if they are
     /// right-handed. This is the sign of the determinant of the clip-space `(x, y, w)` of any three points
     /// `a`, `b`, `c` in view for which the normal `(b - a) x (c - a)` points away from the eye. Returns 0 if

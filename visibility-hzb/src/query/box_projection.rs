@@ -19,7 +19,7 @@
 
 use crate::buffer::tile_layout::Rectangle;
 use crate::lanes::{WIDTH, greatest, least, round_to_i32};
-use crate::setup::screen_projection::{ScreenProjection, ScreenRow, U};
+use crate::setup::screen_projection::{ScreenProjection, ScreenRow};
 use crate::setup::screen_shape::ScreenExtent;
 
 /// Eleven times the unit round-off of `f32`: error bound of the value of a [`ScreenRow32`] (a linear function
@@ -87,18 +87,16 @@ impl ScreenProjection32 {
         let high = anchor.map(|a| a as f32);
         let low = core::array::from_fn(|i| (anchor[i] - f64::from(high[i])) as f32);
         let [x, y, w, n] = projection.rows;
-        let beyond = |size: f64, row: ScreenRow| ScreenRow {
-            linear: core::array::from_fn(|i| size * w.linear[i] - row.linear[i]),
-            constant: size * w.constant - row.constant,
-            // The rounding of the difference is far below that of its conversion to `f32`.
-            error: size * w.error + row.error + U * size * w.constant.abs(),
-        };
+        let right_bottom = core::array::from_fn(|i| {
+            // Each term of the row is a difference of those of `w` and of `x` or `y`.
+            let error = projection.picture[i] * w.error + projection.rows[i].error;
+            ScreenRow32::new(ScreenRow { error, ..projection.right_bottom[i] })
+        });
         Self {
             high,
             low,
             rows: [x, y, w, n, projection.near].map(ScreenRow32::new),
-            right_bottom: [beyond(projection.picture[0], x), beyond(projection.picture[1], y)]
-                .map(ScreenRow32::new),
+            right_bottom,
             picture: projection.picture.map(|side| side as f32),
             perspective: projection.perspective,
         }
@@ -411,8 +409,8 @@ mod tests {
     use crate::random::random;
     use alloc::format;
     use visibility_core::geometry::DoubleDouble;
-    use visibility_core::glam::{Affine3A, DVec3};
-    use visibility_core::view::Window;
+    use visibility_core::glam::{Affine3A, DMat4, DVec3, DVec4};
+    use visibility_core::view::{Depth, Window};
     use visibility_core::{Aabb, Pose, View};
 
     /// Values of [`ScreenRow32`]s (linear functions of points) with denormal coefficients are within their
@@ -539,27 +537,23 @@ mod tests {
         assert!(worst > 0.5, "the worst error is {worst} of its bound");
     }
 
-    /// The rows for the right and the lower side of the picture are differences of large constants.
+    /// Coefficients of the rows for the right and the lower side of the picture are as exact as others where `x`
+    /// and `width * w` nearly cancel, so that what is just inside of the picture is not outside.
     #[test]
-    fn differences_of_rows_are_within_their_error() {
-        let mut random = random(14);
-        let view =
-            View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.7, 0.1, 900.0).unwrap();
-        let mut projection = ScreenProjection::new(&view, DVec3::ZERO, [640, 360], [640, 360]);
-        for trial in 0..2_000 {
-            let [width, _] = projection.picture;
-            // Errors of the rows are large in every other trial.
-            let large = f64::from(trial % 2);
-            (projection.rows[0].error, projection.rows[2].error) = (large, 0.01 * large);
-            projection.rows[2].constant = random(1.0, 2.0);
-            projection.rows[0].constant = width * projection.rows[2].constant * (1.0 + random(-1e-15, 1e-15));
-            let row = ScreenProjection32::new(&projection).right_bottom[0];
-            let exact = DoubleDouble::product(width, projection.rows[2].constant)
-                .plus((-projection.rows[0].constant).into());
-            let wrong = exact.plus((-f64::from(row.constant)).into()).hi.abs();
-            let bound =
-                f64::from(row.constant_error) - projection.rows[0].error - width * projection.rows[2].error;
-            assert!(wrong <= bound, "trial {trial}: off by {wrong}, not {bound}");
+    fn rows_of_the_right_and_the_lower_side_are_not_differences_of_rounded_rows() {
+        let least = 2f64.powi(-53);
+        let rows = [[0.75 - least, 1.5, 0.25, 0.0], [least - 0.75, 1.5, 0.25, 0.0]];
+        let [w, z] = [[0.75, 0.5, 0.25, 0.0], [0.0, 0.0, 0.0, 0.1]].map(DVec4::from);
+        let matrix = DMat4::from_cols(rows[0].into(), rows[1].into(), z, w).transpose();
+        let view = View::from_clip_from_world(matrix, Depth::ReversedInfinite).unwrap();
+        let projection = ScreenProjection::new(&view, DVec3::ZERO, [640, 360], [640, 360]);
+        let projection = ScreenProjection32::new(&projection);
+        for (row, size) in projection.right_bottom.iter().zip([640.0, 360.0]) {
+            let exact = [2f64.powi(-54) * size, if size == 640.0 { -0.5 * size } else { size }];
+            for (computed, exact) in row.linear.iter().zip(exact) {
+                let wrong = (f64::from(*computed) - exact).abs();
+                assert!(wrong <= exact.abs() * 2f64.powi(-23), "{computed} for {exact}, size {size}");
+            }
         }
     }
 

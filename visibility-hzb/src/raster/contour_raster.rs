@@ -259,10 +259,10 @@ impl<'a> ContourRaster<'a> {
         }
     }
 
-    /// Leaves out the pixels that come within `self.slack` (in pixels) of the zone in which a contour edge
-    /// appears from the eyes of a ball.
+    /// Leaves out the pixels that come near the zone in which a contour edge appears from the eyes of a ball.
+    /// The zone holds the errors of the edge's ends; the slack is for rounding along the zone.
     pub(crate) fn erode(&mut self, zone: &EdgeZone) {
-        let slack = 2.0 * self.slack;
+        let slack = self.slack;
         let [width, height] = self.size;
         let [left, right, above, below] = zone.bounds();
         let Some(lines) = range(above - slack, below + slack, height) else { return };

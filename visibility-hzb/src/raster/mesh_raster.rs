@@ -201,7 +201,7 @@ pub(crate) fn draw_mesh(
             contours.lower_depth_keys(&points[..part.count], plane);
             if let Some([a, b]) = part.edge {
                 if let Some(parallax) = parallax {
-                    contours.erode(&parallax.zone(&a, &b));
+                    contours.erode(&parallax.zone(object, &a, &b));
                 }
                 let [a, b] = [a, b].map(|corner| on_screen(&corner, object, &mut vertex_bounds));
                 contours.contour(&a, &b, side, marked);
@@ -236,7 +236,7 @@ pub(crate) fn draw_mesh(
                 }
             }
             if let Some(parallax) = parallax {
-                contours.erode(&parallax.zone(&p, &q));
+                contours.erode(&parallax.zone(object, &p, &q));
             }
             contours.contour(&a, &b, (left - right) * side, marked);
         }

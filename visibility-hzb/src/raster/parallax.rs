@@ -33,20 +33,20 @@
 //! hull of the two rectangles in which its ends appear. All this needs `w` to be positive from all eyes;
 //! geometry is cut at twice the radius.
 
-use crate::setup::screen_projection::ScreenProjection;
+use crate::setup::screen_projection::{ObjectProjection, ScreenProjection};
 use visibility_core::glam::DVec3;
 
 /// Relative margin for rounding. The columns of a point nearer than the square root of two times the radius
 /// are not used, so the leading coefficient of the quadratic equation is at least half of `w^2`, and nothing
-/// cancels. The errors of the point's own `x`, `y` and `w` are no part of it: they are at most the slack of
-/// the contour in the picture of the middle, and at most twice as much from an eye of the ball, at half the
-/// distance or more. Who marks pixels adds twice the slack.
+/// cancels.
 const ROUNDING: f64 = 1e-9;
 
 /// The ball of eyes, as the projection of its middle sees it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Parallax {
     radius: f64,
+    /// Greatest change of `w` between the middle of the ball and another eye.
+    change_of_w: f64,
     /// Gradients of `x`, `y` and `w` (see [`ScreenProjection`]).
     gradients: [DVec3; 3],
 }
@@ -59,33 +59,43 @@ impl Parallax {
     /// metres.
     pub(crate) fn new(projection: &ScreenProjection, radius: f64) -> Self {
         let [x, y, w, _] = projection.rows;
-        Self { radius: radius * (1.0 + ROUNDING), gradients: [x, y, w].map(|row| DVec3::from(row.linear)) }
+        let (radius, gradients) = (radius * (1.0 + ROUNDING), [x, y, w].map(|row| DVec3::from(row.linear)));
+        Self { radius, change_of_w: radius * gradients[2].length() * (1.0 + ROUNDING), gradients }
     }
 
-    /// Returns where a point appears, given by its `x`, `y` and `w` from the middle of the ball. The ranges
-    /// are unbounded for a point nearer than twice the radius.
-    pub(crate) fn places(&self, x: f64, y: f64, w: f64) -> Places {
+    /// Returns where a point appears, given by its `x`, `y` and `w` from the middle of the ball and by bounds on
+    /// the errors of these. The ranges are unbounded for a point nearer than twice the radius.
+    ///
+    /// From an eye at which the computed `x` and `w` are `X` and `W`, the exact ones appear at `(X + dx) / (W +
+    /// dw)`. That is `(dx - v dw) / (W + dw)` beside `v = X / W`. The eye may be another than the middle, and
+    /// `v` far from the place that the middle sees.
+    pub(crate) fn places(&self, [x, y, w]: [f64; 3], [x_error, y_error, w_error]: [f64; 3]) -> Places {
         let [of_x, of_y, of_w] = self.gradients;
         let squared = self.radius * self.radius;
         let leading = w * w - squared * of_w.length_squared();
-        if !(w > 0.0 && leading >= 0.5 * w * w) {
+        let nearest = w - self.change_of_w - w_error;
+        if !(w > 0.0 && leading >= 0.5 * w * w && nearest > 0.0) {
             return [f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY];
         }
-        let range = |value: f64, gradient: DVec3| {
+        let range = |value: f64, gradient: DVec3, error: f64| {
             let middle = value * w - squared * gradient.dot(of_w);
             let crossed = gradient.cross(of_w).length_squared();
             let quarter = (gradient * w - of_w * value).length_squared() - squared * crossed;
             let half = self.radius * visibility_core::geometry::sqrt(quarter.max(0.0));
-            let margin = ROUNDING * (value.abs() * w + half) / leading;
+            let farthest = (middle.abs() + half) / leading;
+            let margin = ROUNDING * (value.abs() * w + half) / leading
+                + (1.0 + ROUNDING) * (error + farthest * w_error) / nearest;
             [(middle - half) / leading - margin, (middle + half) / leading + margin]
         };
-        let ([left, right], [above, below]) = (range(x, of_x), range(y, of_y));
+        let ([left, right], [above, below]) = (range(x, of_x, x_error), range(y, of_y, y_error));
         [left, right, above, below]
     }
 
-    /// Returns the zone in which an edge appears, given by its ends in homogeneous screen coordinates.
-    pub(crate) fn zone(&self, a: &[f64; 5], b: &[f64; 5]) -> EdgeZone {
-        EdgeZone { ends: [a, b].map(|end| self.places(end[0], end[1], end[2])) }
+    /// Returns the zone in which an edge of an object appears, given by its ends in homogeneous screen
+    /// coordinates.
+    pub(crate) fn zone(&self, object: &ObjectProjection, a: &[f64; 5], b: &[f64; 5]) -> EdgeZone {
+        let [x, y, w, ..] = object.error;
+        EdgeZone { ends: [a, b].map(|end| self.places([end[0], end[1], end[2]], [x, y, w])) }
     }
 }
 

@@ -51,6 +51,9 @@ pub(crate) struct ScreenProjection {
     /// Rows (linear functions of a point) that give `x` and `y` (pixel coordinates times `w`), `w`, and `n`
     /// (depth key times `w`).
     pub(crate) rows: [ScreenRow; 4],
+    /// Rows (linear functions of a point) that give `width * w - x` and `height * w - y`, with `width` and
+    /// `height` of the picture in pixels: negative to the right of the picture and below it.
+    pub(crate) right_bottom: [ScreenRow; 2],
     /// Row (linear function of a point) that gives the distance beyond the near plane: positive beyond that
     /// plane, in the unit of clip space.
     pub(crate) near: ScreenRow,
@@ -78,6 +81,7 @@ impl ScreenProjection {
         let projection = ViewProjection::new(view, origin);
         let [x, y] = projection.pixels(picture[0], picture[1]);
         let rows = [x, y, projection.w(), projection.depth_key()].map(ScreenRow::from);
+        let right_bottom = projection.pixels_to_end(picture[0], picture[1]).map(ScreenRow::from);
         let near = projection.near().into();
         let anchor = projection.anchor();
         let perspective = matches!(projection.eye(), Eye::Point(_));
@@ -86,7 +90,8 @@ impl ScreenProjection {
         let facing = projection.orientation();
         let size = size.map(|side| side as f64);
         let untransformed = ObjectProjection::default();
-        let mut projection = Self { size, picture, rows, near, anchor, facing, perspective, untransformed };
+        let mut projection =
+            Self { size, picture, rows, right_bottom, near, anchor, facing, perspective, untransformed };
         projection.untransformed = projection.project_object(&Affine3A::IDENTITY, [0.0; 3]);
         projection
     }

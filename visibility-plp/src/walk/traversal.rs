@@ -25,7 +25,8 @@ impl Walk {
         self.clear(frame);
         if frame.settings.one_sided {
             let bounds = frame.tessellation.bounds();
-            content.normals.eye_offsets(frame.frustum.eye, &bounds, &mut self.eye_offsets);
+            let (eye, eye_error) = (frame.frustum.eye, frame.frustum.eye_error);
+            content.normals.eye_offsets(eye, eye_error, &bounds, &mut self.eye_offsets);
         }
         self.spent = 0;
         let Changes::Objects(changed) = content.changes(frame.scene) else { return false };
