@@ -19,6 +19,7 @@ mod plain_map;
 mod random;
 mod slabs;
 mod slots;
+mod steps;
 pub mod swapped;
 mod trials;
 
@@ -33,4 +34,5 @@ pub use plain_map::PlainMap;
 pub use random::Random;
 pub use slabs::is_clear;
 pub use slots::{SlotScene, SlotSearch};
+pub use steps::{step, steps_of};
 pub use trials::judged;
