@@ -36,6 +36,8 @@ pub struct SceneTree {
     represented: Vec<Option<ObjectId>>,
     /// The scene, and the revision of the scene, that the tree represents.
     cursor: SceneCursor,
+    /// Objects that changed before the last [`sync`](Self::sync), each once, ascending. Kept for its memory.
+    changed: Vec<ObjectId>,
 }
 
 impl SceneTree {
@@ -53,7 +55,7 @@ impl SceneTree {
         }
         let tree =
             BspTree::build(scene.ids().flat_map(|id| corners(scene, id).map(move |t| (index(id), t))))?;
-        Ok(Self { tree, represented, cursor: SceneCursor::at(scene) })
+        Ok(Self { tree, represented, cursor: SceneCursor::at(scene), changed: Vec::new() })
     }
 
     /// Updates the tree to the scene's present revision by removing and inserting the triangles of changed
@@ -61,27 +63,34 @@ impl SceneTree {
     ///
     /// # Errors
     /// [`BspError::TooManyFragments`], if the triangles of an object, or of the scene in a rebuild, are cut
-    /// more than 4,096 times plus 256 times for each. Objects that could not be inserted count as visible. If
-    /// a rebuild for another scene fails, the tree stays as it was.
+    /// more than 4,096 times plus 256 times for each. The error is of the first such object, in the order of
+    /// indices. All others are in the tree; those that could not be inserted count as visible, also after
+    /// later calls, until they change. If a rebuild for another scene fails, the tree stays as it was.
     pub fn sync(&mut self, scene: &Scene) -> Result<(), BspError> {
         match self.cursor.peek(scene) {
             Changes::Everything => *self = Self::new(scene)?,
             Changes::Objects(ids) => {
                 self.represented.resize(scene.index_limit(), None);
                 self.cursor = SceneCursor::at(scene);
-                for &id in ids {
+                // The scene lists an object once for each of its changes.
+                self.changed.clear();
+                self.changed.extend_from_slice(ids);
+                self.changed.sort_unstable();
+                self.changed.dedup();
+                for &id in &self.changed {
                     self.tree.remove(index(id));
                     self.represented[id.index()] = None;
                 }
-                for &id in ids {
-                    // An id listed twice is in the tree already. The index of a removed object may belong to
-                    // another object, which is listed too.
-                    if self.represented[id.index()].is_some() || !scene.contains(id) || self.has(id) {
-                        continue;
+                let mut result = Ok(());
+                // The index of a removed object may belong to another object, which is listed too.
+                for &id in self.changed.iter().filter(|&&id| scene.contains(id)) {
+                    let inserted = self.tree.insert(index(id), corners(scene, id));
+                    if inserted.is_ok() && is_fully_represented(scene, id) {
+                        self.represented[id.index()] = Some(id);
                     }
-                    self.tree.insert(index(id), corners(scene, id))?;
-                    self.represented[id.index()] = Some(id).filter(|&id| is_fully_represented(scene, id));
+                    result = result.and(inserted.map(drop));
                 }
+                return result;
             }
         }
         Ok(())
@@ -90,14 +99,6 @@ impl SceneTree {
     /// Returns the object with this index, if all of its triangles are in the tree; otherwise `None`.
     pub(crate) fn object(&self, index: u32) -> Option<ObjectId> {
         self.represented.get(index as usize).copied().flatten()
-    }
-
-    /// Tests whether the tree has any fragment of an object. Visits all fragments of the object. False for an
-    /// object without fragments.
-    fn has(&self, id: ObjectId) -> bool {
-        let mut any = false;
-        self.tree.for_each_fragment(index(id), |_| any = true);
-        any
     }
 
     /// Returns the BSP tree of the scene's triangles, in metres relative to `Scene::origin`. The owner of a
@@ -116,7 +117,11 @@ fn index(id: ObjectId) -> u32 {
 /// triangles or is not in the scene.
 fn corners(scene: &Scene, id: ObjectId) -> impl Iterator<Item = [visibility_core::glam::DVec3; 3]> + '_ {
     let triangles = scene.triangles(id).unwrap_or_default();
-    triangles.iter().map(|triangle| triangle.map(|corner| corner.as_dvec3()))
+    triangles.iter().map(|triangle| {
+        #[cfg(test)]
+        visibility_testing::step();
+        triangle.map(|corner| corner.as_dvec3())
+    })
 }
 
 /// Tests whether an object has at least one triangle, and the tree accepts all of its triangles. If false,
@@ -172,5 +177,66 @@ impl StaleObjects {
     /// counts as visible.
     pub(crate) fn is_known(&self, shared: &SceneTree, id: ObjectId) -> bool {
         self.is_current(index(id)) && shared.represented.get(id.index()) == Some(&Some(id))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec;
+    use visibility_core::{Aabb, glam::Vec3, scene::Triangle};
+    use visibility_testing::steps_of;
+
+    fn insert(scene: &mut Scene, triangles: Vec<Triangle>) -> ObjectId {
+        let id = scene.insert(Aabb::from_points(triangles.as_flattened().iter().copied()));
+        scene.set_triangles(id, triangles).unwrap();
+        id
+    }
+
+    /// A triangle across the x axis.
+    fn across(x: f32) -> Triangle {
+        [Vec3::new(x, -1.0, -1.0), Vec3::new(x, 1.0, -1.0), Vec3::new(x, 0.0, 1.0)]
+    }
+
+    #[test]
+    fn an_object_that_changed_often_is_taken_in_once() {
+        let flat = [Vec3::ZERO; 3];
+        let some: Vec<Triangle> = (0..200).map(|i| across(i as f32)).chain([flat]).collect();
+        for triangles in [some, vec![flat; 201]] {
+            let fragments = if triangles[0] == flat { 0 } else { 200 };
+            let mut scene = Scene::new();
+            let id = insert(&mut scene, triangles);
+            let mut tree = SceneTree::new(&scene).unwrap();
+            for i in 0..300 {
+                scene.set_occluder(id, i % 2 == 0).unwrap();
+            }
+            let steps = steps_of(|| tree.sync(&scene).unwrap());
+            std::println!("steps for 300 changes of 201 triangles, {fragments} of them with area: {steps}");
+            assert!(steps <= 3 * 201, "{steps} steps for 201 triangles, {fragments} of them with area");
+            assert_eq!(tree.tree().fragment_count(), fragments, "fragments in the tree");
+            assert_eq!(tree.object(0), None, "an object with a triangle without area counts as visible");
+        }
+    }
+
+    #[test]
+    fn an_object_that_cannot_be_inserted_keeps_no_other_out() {
+        let mut scene = Scene::new();
+        insert(&mut scene, (0..4600).map(|i| across(i as f32)).collect());
+        let mut tree = SceneTree::new(&scene).unwrap();
+        // A triangle that the planes of all others cut, and two that none cuts.
+        let [before, long, after] = [
+            vec![across(-5.0)],
+            vec![[Vec3::new(-1.0, -0.5, 0.0), Vec3::new(4601.0, -0.5, 0.0), Vec3::new(4601.0, 0.5, 0.0)]],
+            vec![across(-6.0)],
+        ]
+        .map(|triangles| insert(&mut scene, triangles));
+        assert!(matches!(tree.sync(&scene), Err(BspError::TooManyFragments { .. })), "too many cuts");
+        let known = [before, long, after].map(|id| tree.object(index(id)));
+        assert_eq!(known, [Some(before), None, Some(after)], "objects in the tree");
+        assert_eq!(tree.sync(&scene), Ok(()), "nothing has changed since");
+        let part = [Vec3::new(-1.0, -0.5, 0.0), Vec3::new(-0.5, -0.5, 0.0), Vec3::new(-0.5, 0.5, 0.0)];
+        scene.set_triangles(long, [part]).unwrap();
+        assert_eq!(tree.sync(&scene), Ok(()), "the object has another form");
+        assert_eq!(tree.object(index(long)), Some(long), "the object is in the tree");
     }
 }

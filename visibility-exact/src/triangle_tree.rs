@@ -2,7 +2,7 @@
 //! that a ray meets.
 
 use crate::line_side::{Crossing, segment_triangle, side, sign};
-use alloc::vec::Vec;
+use alloc::{vec, vec::Vec};
 use visibility_core::glam::{DVec3, Vec3};
 
 /// A binary tree of bounding boxes, split by the surface-area heuristic. Triangles that are added later are
@@ -21,6 +21,9 @@ pub(crate) struct TriangleTree {
     first_nodes: usize,
     /// Number of entries of `order` of the first tree, which come before those of added triangles.
     first_count: usize,
+    /// For each triangle, its position in `order` if the first tree has it, `u32::MAX` if not. Empty until a
+    /// triangle is removed.
+    places: Vec<u32>,
 }
 
 /// Sides of a triangle from which it stops segments and rays.
@@ -129,28 +132,23 @@ impl TriangleTree {
         self.first_count
     }
 
-    /// Removes a triangle, given by its index and its corners, from the first tree. Nothing happens if the
-    /// first tree does not contain it. Time is O(log n), more where many boxes overlap.
-    pub(crate) fn remove(&mut self, number: u32, corners: &[Vec3; 3]) {
-        let (min, max) = bounds(corners);
-        let (mut stack, mut top) = ([0u32; STACK], usize::from(self.first_nodes > 0));
-        while top > 0 {
-            top -= 1;
-            let at = stack[top];
-            let node = self.nodes[at as usize];
-            if !(node.min.cmple(min).all() && max.cmple(node.max).all()) {
-                continue;
+    /// Removes a triangle from the first tree. Nothing happens if the first tree does not contain it. The
+    /// first removal takes time in proportion to the tree's size, any other a constant time.
+    pub(crate) fn remove(&mut self, number: u32) {
+        #[cfg(test)]
+        visibility_testing::step();
+        if self.places.is_empty() {
+            let order = &self.order[..self.first_count];
+            self.places = vec![u32::MAX; order.iter().map(|&t| t as usize + 1).max().unwrap_or(0)];
+            for (&t, place) in order.iter().zip(0..) {
+                #[cfg(test)]
+                visibility_testing::step();
+                self.places[t as usize] = place;
             }
-            if node.count > 0 {
-                for k in node.link as usize..(node.link + node.count) as usize {
-                    if self.order[k] == number {
-                        self.stops[k] = Stops::Neither;
-                    }
-                }
-            } else {
-                (stack[top], stack[top + 1]) = (node.link, at + 1);
-                top += 2;
-            }
+        }
+        let place = self.places.get(number as usize).copied().filter(|&place| place != u32::MAX);
+        if let Some(stops) = place.and_then(|place| self.stops.get_mut(place as usize)) {
+            *stops = Stops::Neither;
         }
     }
 
@@ -443,6 +441,39 @@ mod tests {
                 }
                 assert!(unsure || hits.contains(&number), "{round}: {p} {q}");
             }
+        }
+    }
+
+    /// Triangles whose boxes all overlap are removed, and only those, in a step for each, and one for each
+    /// triangle of the tree.
+    #[test]
+    fn removals_take_a_step_each() {
+        for count in [250, 500, 1000] {
+            let all: Vec<[Vec3; 3]> = (0..count)
+                .map(|i| i as f32 / 1000.0)
+                .map(|x| {
+                    [[x, 0.0, 0.0], [x + 0.0005, 50.0, 0.0], [50.0 - x, 25.0, 3.0]].map(Vec3::from_array)
+                })
+                .collect();
+            let mut tree = TriangleTree::new(&all, (0..count).collect(), |_| false);
+            let steps = visibility_testing::steps_of(|| {
+                (0..count).filter(|t| t % 3 > 0).for_each(|t| tree.remove(t));
+            });
+            std::println!("steps to remove two thirds of {count} triangles: {steps}");
+            tree.remove(count);
+            let mut hits = vec![];
+            // A line along x, below the top corners, meets all triangles.
+            tree.crossed(
+                DVec3::new(-1.0, 25.0, 1.0),
+                DVec3::new(60.0, 25.0, 1.001),
+                u32::MAX,
+                2000,
+                &mut hits,
+            );
+            hits.sort_unstable();
+            let left: Vec<u32> = (0..count).filter(|t| t % 3 == 0).collect();
+            assert_eq!(hits, left, "triangles left of {count}");
+            assert!(steps <= 2 * u64::from(count), "{steps} steps for {count} triangles");
         }
     }
 }

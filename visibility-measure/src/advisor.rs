@@ -174,7 +174,7 @@ impl<'a> Advisor<'a> {
     /// Same as [`new`](Self::new), except that the images and the facts are those of `judge`, a copy of
     /// `scene` with the same objects. For a scene whose moving objects have triangles only in the copy, since
     /// cullers must not use them. The candidates cull `scene` itself: what was prepared for a scene is not
-    /// valid for a clone.
+    /// valid for a clone. An object that only `judge` has counts as hidden.
     ///
     /// # Errors
     /// Those of [`new`](Self::new).
@@ -264,7 +264,9 @@ impl<'a> Advisor<'a> {
                 }
                 reported.fill(false);
                 visible.iter(self.scene).for_each(|id| reported[id.index()] = true);
-                reference.visible().compare(|_, key| reported[key as usize], &mut comparison);
+                // An object that only the judge has is not reported.
+                let is_reported = |_, key| reported.get(key as usize).copied().unwrap_or(false);
+                reference.visible().compare(is_reported, &mut comparison);
                 trial.objects += share * f64::from(comparison.reported_objects);
                 trial.triangles += share * f64::from(comparison.reported_triangles);
                 trial.false_hidden += u64::from(comparison.false_hidden_objects);
@@ -406,6 +408,17 @@ mod tests {
         }
         let trial = advisor.trial(&mut Pipeline::new().with(HideBare), f64::INFINITY, || 0.0).unwrap();
         assert_eq!((trial.objects, trial.false_hidden), (0.0, 2), "objects of the bare scene, all hidden");
+    }
+
+    #[test]
+    fn an_object_that_only_the_judge_has_counts_as_hidden() {
+        let (scene, mut judge, views) = (scene(), scene(), views());
+        let [a, b, c] = [[2.0, -1.0, 0.0], [2.0, 1.0, 0.0], [2.0, 0.0, 1.0]].map(Vec3::from_array);
+        let id = judge.insert(Aabb::from_points([a, b, c]));
+        judge.set_triangles(id, [[a, b, c]]).unwrap();
+        let advisor = Advisor::with_judge(&scene, &judge, &views, DrawCost::default()).unwrap();
+        let trial = advisor.trial(&mut Pipeline::new(), f64::INFINITY, || 0.0).unwrap();
+        assert_eq!((trial.objects, trial.false_hidden), (3.0, 2), "objects of the scene, and hidden ones");
     }
 
     #[test]

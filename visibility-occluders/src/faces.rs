@@ -19,6 +19,9 @@ pub struct LevelTriangle {
 pub(crate) struct Face {
     /// Range of the face's corners in [`Faces::corners`], half-open.
     pub(crate) corners: [u32; 2],
+    /// Vertices of the triangle, in boundary order: of the face's corners, those that are not in the middle
+    /// of a straight side.
+    pub(crate) triangle: [u32; 3],
     /// Unit normal of the front, the side from which the corners run counter-clockwise.
     pub(crate) normal: DVec3,
     /// Area in square metres.
@@ -98,14 +101,15 @@ impl Faces {
         kept.sort_unstable();
         let all = core::mem::take(&mut welded.corners);
         for (number, two_sided) in kept {
-            let corners = &all[3 * number as usize..][..3];
+            let triangle = [0, 1, 2].map(|k| all[3 * number as usize + k]);
             let points = triangles[number as usize].corners.map(Vec3::as_dvec3);
             let Some(plane) = Plane::from_polygon(&points) else { continue };
             let [a, b, c] = points;
             let first = welded.corners.len() as u32;
-            welded.corners.extend_from_slice(corners);
+            welded.corners.extend_from_slice(&triangle);
             welded.faces.push(Face {
                 corners: [first, first + 3],
+                triangle,
                 normal: plane.normal,
                 area: (b - a).cross(c - a).length() * 0.5,
                 two_sided,

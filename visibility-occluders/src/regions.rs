@@ -149,8 +149,14 @@ impl Regions {
                         let Some(turned) = turn(faces, &region, member, own, side) else { continue };
                         let area = region.area + faces.faces[side.face as usize].area;
                         let limit = flatness.max(bulge * sqrt(area));
-                        let flat = |v: &u32| (region.normal.dot(faces.at(*v)) - plane).abs() <= limit;
-                        if faces.corners_of(&faces.faces[side.face as usize]).iter().all(flat) {
+                        let flat = |v: u32| {
+                            #[cfg(test)]
+                            visibility_testing::step();
+                            (region.normal.dot(faces.at(v)) - plane).abs() <= limit
+                        };
+                        // The other corners lie between these, and `measure` takes the extent of all.
+                        // Neighbours do not test all, since there may be as many corners as neighbours.
+                        if faces.faces[side.face as usize].triangle.into_iter().all(flat) {
                             taken[side.face as usize] = true;
                             region.area = area;
                             found.members.push(Member { face: side.face, turned });
@@ -182,4 +188,41 @@ fn turn(faces: &Faces, region: &Region, member: Member, own: &Side, side: &Side)
         && face.two_sided == region.two_sided
         && (!turned || face.two_sided))
         .then_some(turned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::faces::LevelTriangle;
+    use crate::t_junctions::insert_t_junctions;
+    use visibility_core::glam::Vec3;
+    use visibility_testing::steps_of;
+
+    /// A sliver at whose long side very many larger triangles end, none of them in its plane.
+    #[test]
+    fn steps_grow_as_triangles_do() {
+        let steps = [250, 500, 1000].map(|count| {
+            let size = count as f32;
+            let sliver = [Vec3::ZERO, Vec3::X * size, Vec3::new(size, 1.0, 0.5)];
+            let neighbour = |i: usize| {
+                let x = Vec3::X * i as f32;
+                [x + Vec3::X, x, x + Vec3::new(0.5, -2.0 * size, 0.0)]
+            };
+            let triangles: Vec<LevelTriangle> = core::iter::once(sliver)
+                .chain((0..count).map(neighbour))
+                .map(|corners| LevelTriangle { corners, two_sided: true })
+                .collect();
+            let mut faces = Faces::weld(&triangles);
+            let sides = faces.sides();
+            assert_eq!(insert_t_junctions(&mut faces, &sides), [count - 1, 0], "corners inserted");
+            let sides = faces.sides();
+            let mut regions = 0;
+            let steps = steps_of(|| regions = Regions::find(&faces, &sides, 0.0, 0.0).regions.len());
+            assert_eq!(regions, count + 1, "no two faces lie in one plane");
+            assert!(steps >= count as u64, "each neighbour tests the sliver: {steps}");
+            steps as f64
+        });
+        std::println!("steps for 250, 500 and 1000 neighbours: {steps:?}");
+        assert!(steps[1] < 2.6 * steps[0] && steps[2] < 2.6 * steps[1], "{steps:?}");
+    }
 }

@@ -14,6 +14,12 @@ const LEAF: usize = 8;
 /// Maximum number of corners inserted, as a multiple of the number of sides. It bounds memory and time for
 /// levels in which vertices lie on very many sides each.
 const MAX_INSERTS_PER_SIDE: usize = 16;
+/// Maximum number of looks at boxes and points of the [`PointTree`], as a multiple of the number of sides,
+/// beyond [`MIN_LOOKS`]. It bounds time for levels in which very many points are near long edges. Scenes of
+/// games, buildings, towns and parts of machines take 20 to 30 looks for each side.
+const MAX_LOOKS_PER_SIDE: usize = 256;
+/// Number of looks that are allowed in any level.
+const MIN_LOOKS: usize = 4096;
 
 /// Tests whether `p` lies on the open segment from `a` to `b`, in exact arithmetic. False for the ends.
 pub(crate) fn is_between(a: Vec3, b: Vec3, p: Vec3) -> bool {
@@ -61,21 +67,39 @@ impl PointTree {
         self.divide(2 * node + 2, [first + middle, end], positions);
     }
 
-    /// Calls `each` with the points of every leaf whose box the segment from `a` to `b` may meet.
-    fn along(&self, a: Vec3, b: Vec3, each: &mut impl FnMut(u32)) {
-        self.search(0, [0, self.points.len()], [a, b].map(Vec3::as_dvec3), each);
+    /// Calls `each` with the points of every leaf whose box the segment from `a` to `b` may meet. Takes one
+    /// from `looks` for each box and each point looked at. The search ends when `looks` is 0; points may then
+    /// be missing.
+    fn along(&self, a: Vec3, b: Vec3, looks: &mut usize, each: &mut impl FnMut(u32)) {
+        self.search(0, [0, self.points.len()], [a, b].map(Vec3::as_dvec3), looks, each);
     }
 
-    fn search(&self, node: usize, [first, end]: [usize; 2], segment: [DVec3; 2], each: &mut impl FnMut(u32)) {
-        if first == end || is_apart(segment, self.boxes[node].map(Vec3::as_dvec3)) {
+    fn search(
+        &self,
+        node: usize,
+        [first, end]: [usize; 2],
+        segment: [DVec3; 2],
+        looks: &mut usize,
+        each: &mut impl FnMut(u32),
+    ) {
+        if *looks == 0 || first == end {
+            return;
+        }
+        #[cfg(test)]
+        visibility_testing::step();
+        *looks -= 1;
+        if is_apart(segment, self.boxes[node].map(Vec3::as_dvec3)) {
             return;
         }
         if end - first <= LEAF {
+            #[cfg(test)]
+            (first..end).for_each(|_| visibility_testing::step());
+            *looks = looks.saturating_sub(end - first);
             return self.points[first..end].iter().for_each(|&point| each(point));
         }
         let middle = first + (end - first) / 2;
-        self.search(2 * node + 1, [first, middle], segment, each);
-        self.search(2 * node + 2, [middle, end], segment, each);
+        self.search(2 * node + 1, [first, middle], segment, looks, each);
+        self.search(2 * node + 2, [middle, end], segment, looks, each);
     }
 }
 
@@ -99,8 +123,8 @@ fn is_apart([a, b]: [DVec3; 2], [low, high]: [DVec3; 2]) -> bool {
 
 /// Inserts into each edge the vertices that lie on it. `sides` are the sides of the faces, sorted by edge,
 /// before the call. Returns the number of corners inserted, and the number of edges that stay as they are
-/// because of [`max_inserts`]: their faces share no edges with those that end on them. Takes some
-/// microseconds for an edge.
+/// because of [`max_inserts`] or [`max_looks`]: their faces share no edges with those that end on them, which
+/// only makes polygons smaller. Takes some microseconds for an edge, and [`max_looks`] bounds their sum.
 ///
 /// Edges that two faces share are included, not only open edges: in a level of closed pieces side by side,
 /// such as those of a modular kit, all edges are shared.
@@ -111,16 +135,16 @@ pub(crate) fn insert_t_junctions(faces: &mut Faces, sides: &[Side]) -> [usize; 2
     let mut found: Vec<(u32, u32)> = Vec::new();
     let mut between: Vec<u32> = Vec::new();
     let mut edges = sides.chunk_by(|a, b| a.edge == b.edge);
-    let mut left = 0;
+    let (mut left, mut looks) = (0, max_looks(sides.len()));
     while let Some(same) = edges.next() {
         let [a, b] = same[0].edge.map(at);
         between.clear();
-        tree.along(a, b, &mut |vertex| {
+        tree.along(a, b, &mut looks, &mut |vertex| {
             if is_between(a, b, at(vertex)) {
                 between.push(vertex);
             }
         });
-        if found.len() + between.len() * same.len() > max_inserts(sides.len()) {
+        if looks == 0 || found.len() + between.len() * same.len() > max_inserts(sides.len()) {
             left = 1 + edges.count();
             break;
         }
@@ -161,9 +185,17 @@ fn max_inserts(sides: usize) -> usize {
     MAX_INSERTS_PER_SIDE.saturating_mul(sides).min((u32::MAX as usize).saturating_sub(sides))
 }
 
+/// Returns the maximum number of looks at boxes and points in search of the vertices on all edges of faces
+/// with `sides` sides: at most [`MAX_LOOKS_PER_SIDE`] for each side, and [`MIN_LOOKS`] in any level.
+fn max_looks(sides: usize) -> usize {
+    MAX_LOOKS_PER_SIDE.saturating_mul(sides).saturating_add(MIN_LOOKS)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::faces::LevelTriangle;
+    use visibility_testing::{Random, steps_of};
 
     /// Tests that the corners of the largest levels, with those inserted, have indices of 32 bits.
     #[test]
@@ -173,5 +205,32 @@ mod tests {
             let corners = max_inserts(sides) + sides;
             assert!(corners <= u32::MAX as usize, "{sides} sides: {corners} corners");
         }
+    }
+
+    /// Returns `count` long triangles of a tube of 1 m, and as many small ones across the tube.
+    fn tube_with_bolts(count: usize) -> Vec<LevelTriangle> {
+        let mut random = Random(3);
+        let mut triangles = Vec::new();
+        for i in 0..count {
+            let mut across = || random.vec3(0.0, 1.0) * Vec3::new(0.0, 1.0, 1.0);
+            let far = Vec3::X * 4000.0;
+            triangles.push([across(), far + across(), far + across()]);
+            let x = 4000.0 * (i as f32 + 0.5) / count as f32;
+            triangles.push([[x, -1.0, -1.0], [x + 0.01, 2.0, -1.0], [x, 0.5, 2.0]].map(Vec3::from_array));
+        }
+        triangles.into_iter().map(|corners| LevelTriangle { corners, two_sided: true }).collect()
+    }
+
+    #[test]
+    fn steps_grow_as_triangles_do() {
+        let mut left = Vec::new();
+        let steps = [100, 500, 1000, 2000].map(|count| {
+            let mut faces = Faces::weld(&tube_with_bolts(count));
+            let sides = faces.sides();
+            steps_of(|| left.push(insert_t_junctions(&mut faces, &sides)[1])) as f64
+        });
+        std::println!("steps for 100, 500, 1000 and 2000 long triangles: {steps:?}, not split: {left:?}");
+        assert!(steps[2] < 2.6 * steps[1] && steps[3] < 2.6 * steps[2], "{steps:?}");
+        assert!(left[0] == 0 && left[1] > 0, "edges that are not split: {left:?}");
     }
 }

@@ -21,6 +21,7 @@ mod random;
 mod sight_world;
 mod slabs;
 mod slots;
+mod steps;
 pub mod swapped;
 mod trials;
 
@@ -37,4 +38,5 @@ pub use random::Random;
 pub use sight_world::SightWorld;
 pub use slabs::is_clear;
 pub use slots::{SlotScene, SlotSearch};
+pub use steps::{step, steps_of};
 pub use trials::judged;

@@ -1,34 +1,20 @@
 //! Counter of the elementary steps of making polygons, for tests only. Tests of cost assert how the steps
 //! grow with the input.
 
-#[cfg(test)]
-std::thread_local! {
-    /// Number of elementary steps of making polygons counted on this thread since it began.
-    static STEPS: core::cell::Cell<u64> = const { core::cell::Cell::new(0) };
-}
-
 /// Adds one to the counter of elementary steps in tests of this crate; does nothing otherwise.
 #[inline]
 pub(super) fn step() {
     #[cfg(test)]
-    STEPS.set(STEPS.get() + 1);
-}
-
-/// Runs `run` and returns the number of steps that it counted on this thread.
-#[cfg(test)]
-pub(super) fn steps_of(run: impl FnOnce()) -> u64 {
-    let before = STEPS.get();
-    run();
-    STEPS.get() - before
+    visibility_testing::step();
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::Occluders;
     use alloc::vec::Vec;
     use visibility_core::glam::Vec3;
     use visibility_core::{Aabb, Object, OccluderMesh, Scene, occlusion::Preparation};
+    use visibility_testing::steps_of;
 
     /// Creates a scene with one occluder object for each box, made of its twelve triangles, and prepares the
     /// occluders.

@@ -62,6 +62,8 @@ impl BspTree {
     pub fn for_each_fragment(&self, owner: u32, mut each: impl FnMut(Fragment<'_>)) {
         let mut id = self.store.first_of(owner);
         while id != NONE {
+            #[cfg(test)]
+            visibility_testing::step();
             each(Fragment { tree: self, id });
             id = self.store.record(id).next_of_owner;
         }

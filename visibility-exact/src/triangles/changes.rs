@@ -25,9 +25,9 @@ impl SceneTriangles {
     ///
     /// With n the number of triangles of all objects that have changed since the triangles were collected, at
     /// most about a quarter of all, and m the number of all: time is O(n log n), plus O(log m) for each
-    /// triangle that changes. The first call after a change takes O(m) once. Memory is reused while an object
-    /// has no more triangles than it ever had. An object that has more gets room for at least twice as many
-    /// as before.
+    /// triangle that changes, plus O(k log k) for each edge of such a triangle at which there are k triangles.
+    /// The first call after a change takes O(m) once. Memory is reused while an object has no more triangles
+    /// than it ever had. An object that has more gets room for at least twice as many as before.
     pub fn sync(&mut self, scene: &Scene) -> bool {
         let mut cursor = self.cursor;
         let changed: BTreeSet<usize> = match cursor.follow(scene) {
@@ -46,6 +46,7 @@ impl SceneTriangles {
         for index in changed {
             log.extend(self.sync_object(scene, index, &mut welding, &mut broken));
         }
+        self.clean_lists(&mut welding);
         let is_changed = !log.is_empty();
         if is_changed {
             self.log.serial += 1;
@@ -213,14 +214,13 @@ impl SceneTriangles {
         self.piece_of.resize(end, u32::MAX);
     }
 
-    /// Takes triangle `t` away: its index is unused until the next [`set_triangle`](Self::set_triangle).
+    /// Takes triangle `t` away: its index is unused until the next [`set_triangle`](Self::set_triangle). The
+    /// lists of its edges still have it until the next [`clean_lists`](Self::clean_lists).
     fn clear_triangle(&mut self, t: u32, welding: &mut Welding) {
         let at = t as usize;
         if core::mem::take(&mut self.occludes[at]) {
-            for edge in self.edges[at] {
-                self.list(edge, welding).retain(|&other| other != t);
-            }
-            self.tree.remove(t, &self.corners[at]);
+            welding.stale_edges.extend(self.edges[at]);
+            self.tree.remove(t);
             self.piece_of[at] = u32::MAX;
         }
         for k in 0..3 {
@@ -242,6 +242,26 @@ impl SceneTriangles {
                 self.list(edge, welding).push(t);
             }
         }
+    }
+
+    /// Removes triangles that were taken away from the lists of their edges, and repetitions of those that
+    /// have come back to an edge. Each list is read once, however many of its triangles have changed.
+    fn clean_lists(&self, welding: &mut Welding) {
+        let mut edges = core::mem::take(&mut welding.stale_edges);
+        edges.sort_unstable();
+        edges.dedup();
+        for &edge in &edges {
+            let list = self.list(edge, welding);
+            list.sort_unstable();
+            list.dedup();
+            list.retain(|&t| {
+                #[cfg(test)]
+                visibility_testing::step();
+                self.occludes(t) && self.edges(t).contains(&edge)
+            });
+        }
+        edges.clear();
+        welding.stale_edges = edges;
     }
 
     /// Returns the list of the occluding triangles at an edge, to be changed.

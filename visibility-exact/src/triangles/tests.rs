@@ -272,3 +272,46 @@ fn growing_objects_take_room_in_proportion() {
         assert!(all.index_limit() <= 4 * count as usize, "{count} triangles: {} indices", all.index_limit());
     }
 }
+
+/// Triangles at one edge, of one object or of an object each, that all move: the steps for twice as many are
+/// about twice as many.
+#[test]
+fn steps_grow_as_the_triangles_at_an_edge_do() {
+    let page = |k: usize, y: f32| [Vec3::ZERO, Vec3::Z, Vec3::new(1.0 + k as f32, y, 0.0)];
+    for of_one_object in [true, false] {
+        let steps = [100, 200, 400].map(|count| {
+            let mut scene = Scene::new();
+            let mut groups: Vec<Vec<usize>> = (0..count).map(|k| vec![k]).collect();
+            if of_one_object {
+                groups = vec![groups.concat()];
+            }
+            let triangles = |group: &[usize], y| group.iter().map(|&k| page(k, y)).collect::<Vec<_>>();
+            let ids: Vec<ObjectId> = groups
+                .iter()
+                .map(|group| {
+                    let triangles = triangles(group, 1.0);
+                    let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
+                    let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+                    scene.set_triangles(id, triangles).unwrap();
+                    id
+                })
+                .collect();
+            let mut all = SceneTriangles::new(&scene);
+            let mut steps = 0;
+            for y in [2.0, 3.0] {
+                for (group, &id) in groups.iter().zip(&ids) {
+                    reshape(&mut scene, id, triangles(group, y));
+                }
+                steps = visibility_testing::steps_of(|| assert!(all.sync(&scene), "{count} triangles move"));
+                let shared = all.edges(all.objects[0].first)[0];
+                assert_eq!(all.triangles_at(shared).len(), count, "triangles at the edge that all share");
+            }
+            steps as f64
+        });
+        std::println!("steps, triangles of one object {of_one_object}: {steps:?}");
+        assert!(
+            steps[1] < 2.6 * steps[0] && steps[2] < 2.6 * steps[1],
+            "of one object: {of_one_object}, {steps:?}"
+        );
+    }
+}

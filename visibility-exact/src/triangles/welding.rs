@@ -75,6 +75,8 @@ pub(super) struct Welding {
     pub(super) edges: Numbers<[u32; 2]>,
     /// Occluding triangles at each edge at which they have changed.
     pub(super) lists: BTreeMap<u32, Vec<u32>>,
+    /// Edges of triangles that were taken away since `lists` was last cleaned, with repetitions.
+    pub(super) stale_edges: Vec<u32>,
     /// Indices of unused elements of `pieces`.
     pub(super) free_pieces: Vec<u32>,
     /// Indices of the occluding triangles that are not in the first tree.
@@ -90,6 +92,7 @@ impl Welding {
             vertices: Numbers::new(vertices),
             edges: Numbers::new(edges),
             lists: BTreeMap::new(),
+            stale_edges: Vec::new(),
             free_pieces: Vec::new(),
             added: Vec::new(),
         }
