@@ -140,32 +140,33 @@ impl Grid {
     }
 
     /// Replaces `sums` by a summed-area table of the cells for which `open` is true: by corner of the grid,
-    /// row by row, the area in square metres and the number of the open cells in lower columns and rows.
-    fn sum_up(&self, open: &[bool], sums: &mut Vec<(f64, u32)>) {
+    /// row by row, the area in square metres of the open cells in lower columns and rows.
+    fn sum_up(&self, open: &[bool], sums: &mut Vec<f64>) {
         let width = self.columns() + 1;
         sums.clear();
-        sums.resize(width * (self.rows() + 1), (0.0, 0));
+        sums.resize(width * (self.rows() + 1), 0.0);
         for row in 0..self.rows() {
-            let mut sum = (0.0, 0);
+            let mut sum = 0.0;
             for column in 0..self.columns() {
                 work::step();
                 if open[self.cell(column, row)] {
-                    sum.0 += self.area([column, column + 1, row, row + 1]);
-                    sum.1 += 1;
+                    sum += self.area([column, column + 1, row, row + 1]);
                 }
-                let above = sums[row * width + column + 1];
-                sums[(row + 1) * width + column + 1] = (above.0 + sum.0, above.1 + sum.1);
+                sums[(row + 1) * width + column + 1] = sums[row * width + column + 1] + sum;
             }
         }
     }
 
-    /// Returns the area in square metres of the open cells of a rectangle, up to rounding, by their
-    /// [sums](Self::sum_up). Exactly 0 if no cell of the rectangle is open.
-    fn open_area(&self, [from, to, low, high]: [usize; 4], sums: &[(f64, u32)]) -> f64 {
+    /// Returns the area in square metres of the open cells of a rectangle, by their [sums](Self::sum_up).
+    ///
+    /// With at most 2^14 cells it is wrong by less than 2^-30 of the area of all open cells. Some maximal
+    /// rectangle has at least a 2^-14th of that area, so that one without open cells is never the greatest.
+    /// If no cell is open, all areas are exactly 0.
+    fn open_area(&self, [from, to, low, high]: [usize; 4], sums: &[f64]) -> f64 {
         work::step();
         let [a, b, c, d] = [(from, low), (to, low), (from, high), (to, high)]
             .map(|(column, row)| sums[row * (self.columns() + 1) + column]);
-        if d.1 + a.1 == b.1 + c.1 { 0.0 } else { (d.0 - b.0) - (c.0 - a.0) }
+        (d - b) - (c - a)
     }
 }
 

@@ -25,9 +25,10 @@ impl SceneTriangles {
     ///
     /// With n the number of triangles of all objects that have changed since the triangles were collected, at
     /// most about a quarter of all, and m the number of all: time is O(n log n), plus O(log m) for each
-    /// triangle that changes, plus O(k log k) for each edge of such a triangle at which there are k triangles.
-    /// The first call after a change takes O(m) once. Memory is reused while an object has no more triangles
-    /// than it ever had. An object that has more gets room for at least twice as many as before.
+    /// triangle that changes, plus O(k log k) for each edge of such a triangle, with k the number of
+    /// triangles at the edge. The first call after a change takes O(m) once. Memory is reused while an object
+    /// has no more triangles than it ever had. An object that has more gets room for at least twice as many
+    /// as before.
     pub fn sync(&mut self, scene: &Scene) -> bool {
         let mut cursor = self.cursor;
         let changed: BTreeSet<usize> = match cursor.follow(scene) {
