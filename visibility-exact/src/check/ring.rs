@@ -91,9 +91,12 @@ fn distance(x: DVec3, t: &[DVec3; 3]) -> f64 {
     if inside {
         return normal.normalize_or_zero().dot(x - t[0]).abs();
     }
-    (0..3).fold(f64::INFINITY, |least, k| {
-        let (a, along) = (t[k], t[(k + 1) % 3] - t[k]);
-        let part = ((x - a).dot(along) / along.length_squared()).clamp(0.0, 1.0);
-        least.min(x.distance(a + along * part))
-    })
+    let sides = [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
+    sides.into_iter().fold(f64::INFINITY, |least, side| least.min(distance_from_segment(x, side)))
+}
+
+/// Returns the distance of a point from a segment, NaN for a segment without length.
+pub(super) fn distance_from_segment(x: DVec3, [a, b]: [DVec3; 2]) -> f64 {
+    let part = ((x - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+    x.distance(a + (b - a) * part)
 }

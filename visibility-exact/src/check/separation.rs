@@ -35,8 +35,7 @@ impl Check<'_> {
                     let axis = plane.axis();
                     axis.is_some_and(|k| a[k] == p[k] && b[k] == p[k] && q[k] == p[k])
                 });
-                // Corners of Q are in Q's plane.
-                if is_mixture || is_flat || (is_near_edge && is_near(p)) {
+                if is_mixture || is_flat || (is_near_edge && is_near(p) && is_near(q)) {
                     (0.0, 0.0)
                 } else {
                     side(p, q, a, b, moved)
@@ -68,8 +67,7 @@ impl Check<'_> {
         let mut some = false;
         let all = self.sides(sight, edge, quick_side).all(|(value, error)| {
             some |= value != 0.0;
-            // Only a side that is exactly 0 has no error.
-            error == 0.0 || value * sign > error
+            (value == 0.0 && error == 0.0) || value * sign > error
         });
         all && some
     }

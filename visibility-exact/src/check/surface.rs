@@ -2,6 +2,7 @@
 
 use super::context::Check;
 use super::exact_side::{cross, difference, is_before, norm, quick_side};
+use super::ring::distance_from_segment;
 use crate::polygon::Polygon;
 use crate::sight::Sight;
 use crate::triangles::unit_normal;
@@ -32,7 +33,10 @@ impl Check<'_> {
         // error of positions, the end is up to delta behind the plane, so it is moved by 1.25 delta, which is
         // surely more. The end is still nearer to Q than triangles that are apart from Q, by almost 3 delta.
         let from_before = sight.before_q.height(line[0]) > 3.0 * self.delta;
-        let line = [line[0], line[1] + sight.before_q.normal * (1.25 * self.delta)];
+        // With a clearance, segments may pass edges by less than that, and a line that is moved would be none of
+        // them.
+        let lift = if self.clearance == 0.0 { 1.25 * self.delta } else { 0.0 };
+        let line = [line[0], line[1] + sight.before_q.normal * lift];
         let moved: BTreeMap<u32, DVec3> = moved.iter().copied().collect();
         let mut boundary: BTreeMap<[u32; 2], [DVec3; 2]> = BTreeMap::new();
         let mut is_odd = false;
@@ -147,12 +151,12 @@ pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     }
 }
 
-/// Returns whether a point is in a convex polygon, up to `delta` metres.
+/// Returns whether a point is in a convex polygon or at most `delta` metres from it. Beyond a sharp corner, a
+/// point may be far from the polygon and near the lines of both sides.
 fn is_in(polygon: &Polygon, x: DVec3, delta: f64) -> bool {
     let (normal, corners) = (polygon.normal().normalize_or_zero(), polygon.corners());
+    let sides = || (0..corners.len()).map(|k| [corners[k], corners[(k + 1) % corners.len()]]);
+    let is_inside = |[a, b]: [DVec3; 2]| normal.cross(b - a).dot(x - a) >= 0.0;
     normal.dot(x - corners[0]).abs() <= delta
-        && (0..corners.len()).all(|k| {
-            let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
-            normal.cross(b - a).normalize_or_zero().dot(x - a) >= -delta
-        })
+        && (sides().all(is_inside) || sides().any(|side| distance_from_segment(x, side) <= delta))
 }

@@ -98,7 +98,7 @@ impl Source {
     /// side, a direction lies in it.
     fn infinity(&self) -> Facet {
         let plane = Plane::new(DVec3::ZERO, 1.0);
-        let plane = RoundedPlane { plane, normal_error: DVec3::ZERO, offset_error: 0.0 };
+        let plane = RoundedPlane { plane, normal_error: DVec3::ZERO, offset_error: 8.0 * EPSILON };
         let distance = if matches!(self, Self::Point(_)) { 1.0 } else { 0.0 };
         Facet { slot: FAR, plane, distance, error: 0.0 }
     }

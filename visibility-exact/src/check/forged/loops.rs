@@ -229,3 +229,23 @@ fn rows_end_with_their_loop() {
         "a row of the first half in the second"
     );
 }
+
+/// A viewcell so small that products of its coordinates are below the least number: sides of lines from it are
+/// not known, though no rounding is seen.
+#[test]
+fn sides_that_underflow_are_unsure() {
+    for e in [1e-315, 1e-200, 5e-324] {
+        let mut world = World::new(TARGET, &[[[40.0, 0.0, 0.0], [41.0, 0.0, 0.0], [40.5, -1.0, -1.0]]]);
+        world.cell = CellBox { min: DVec3::splat(-e), max: DVec3::new(0.0, e, e) };
+        world.clearance = 1.0 / 128.0;
+        let ring = [40.0, 41.0, 40.5].map(|x| (DVec3::new(x, e, e), 3));
+        let step = || Step::Loop {
+            piece: world.piece(1),
+            ring: ring.to_vec(),
+            side: 1.0,
+            edges: INSIDE.to_vec().into(),
+        };
+        let seen = [[0.0; 3], [80.0, 4.0, 3.0]];
+        assert_eq!(world.error(seen, vec![step(), step(), step()]), LOOP, "coordinates of {e}");
+    }
+}

@@ -35,6 +35,8 @@
 //! | `is_on_piece`: `leaves_plane` | `loops_in_the_plane_of_the_target_are_refused`, `the_ring_of_the_target_is_refused` |
 //! | `is_on_piece`: `tags_hold` | `corners_that_are_not_the_targets_are_refused` |
 //! | `sides`: exact zeros | `mixtures_of_other_corners_are_not_on_an_edge`, and `edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them`, `edges_near_the_plane_of_a_face_are_in_it` in `tests` |
+//! | `is_in`: corners; the lift of the line's end | `lines_that_end_beyond_a_sharp_corner_are_refused`, `lines_of_proofs_with_a_clearance_are_not_moved` |
+//! | `side`: underflow | `sides_that_underflow_are_unsure` |
 //! | `is_on_side`, `separates`: margins | `edges_within_the_error_of_positions_are_not_passed`, and `what_touches_by_less_than_the_error_is_not_apart` in `tests` |
 //! | `excludes`: weights, sums, rounding | `edges_that_lines_pass_outside_are_refused`, `weights_that_cancel_are_refused` |
 //! | `corner_excludes`: signs, form, rounding | `corners_with_lines_are_refused`, `corners_on_a_line_are_refused`, `corners_of_edges_along_each_other_are_refused`, `corners_within_the_errors_of_positions_are_refused`, `corners_at_a_point_within_the_errors_of_positions_are_refused` |

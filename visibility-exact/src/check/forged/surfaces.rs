@@ -252,3 +252,29 @@ fn surfaces_at_the_target_that_cut_the_start_of_segments_are_refused() {
     let [hidden, seen] = [6.0, 2.0].map(|z| [[8.0, 4.25, z], [80.0, 4.0, 3.0]]);
     world.refuses_surface(1, hidden, seen, "a surface from the target through the start of segments");
 }
+
+/// A target with a sharp corner. A point far beyond the corner is near the lines of both sides. A line to it
+/// passes below an edge over which all segments pass.
+#[test]
+fn lines_that_end_beyond_a_sharp_corner_are_refused() {
+    let least = 2f32.powi(-20);
+    let target = [[80.0, 0.0, 0.0], [80.0, 4.0, least], [80.0, 4.0, -least]];
+    let mut world = World::new(target, &[[[40.0, -least, -10.0], [40.0, -least, 10.0], [40.0, -100.0, 0.0]]]);
+    world.cell = CellBox { min: DVec3::new(-8.0, 0.0, -4.0), max: DVec3::new(0.0, 8.0, 4.0) };
+    let line = [[0.0; 3], [80.0, -4.0 * f64::from(least), 0.0]];
+    world.refuses_surface(1, line, [[0.0; 3], [80.0, 0.0, 0.0]], "a corner of 2^-20");
+}
+
+/// With a clearance, the sample line ends where its proof says. Moved before the target's plane, it would cross a
+/// triangle that all segments miss.
+#[test]
+fn lines_of_proofs_with_a_clearance_are_not_moved() {
+    let target = [[78.0, 3.0, -3.0], [82.0, 7.0, 0.0], [78.0, 3.0, 3.0]];
+    let mut world = World::new(target, &[[[72.0, 7.5, -50.0], [72.0, 7.5, 50.0], [72.0, 100.0, 0.0]]]);
+    let high = 11.145816901406112;
+    world.cell = CellBox { min: DVec3::new(-8.0, 0.0, -4.0), max: DVec3::new(0.0, high, 4.0) };
+    world.clearance = 1.0 / 128.0;
+    let line = [[0.0, high, 0.0], [81.98342718481594, 6.99447572827198, 0.0]];
+    let seen = [[0.0; 3], [80.0, 5.0, 0.0]];
+    assert_eq!(world.error(seen, vec![surface(&[1], line)]), SURFACE, "a line just below the triangle");
+}
