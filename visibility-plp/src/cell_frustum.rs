@@ -87,8 +87,8 @@ impl CellFrustum {
         let projection = ViewProjection::new(view, origin);
         let (eye, eye_error) = (projection.eye(), projection.eye_error());
         let exit_margin = match eye {
-            // Point and normal have errors of a few times 2^-52 of the greatest coordinate, beside that of the
-            // eye. 1e-9 of this coordinate is a million times as much, and drops no face.
+            // Point and normal have errors of a few times 2^-52 of the greatest coordinate, beside that of
+            // the eye. 1e-9 of this coordinate is a million times as much, and drops no face.
             Eye::Point(eye) => -1e-9 * (reach + eye.abs().max_element()) - eye_error,
             // The cosine of two unit vectors has an error of a few times 2^-52, beside that of the direction.
             Eye::Direction(_) => -1e-9 - eye_error,

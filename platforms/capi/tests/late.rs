@@ -17,8 +17,8 @@ fn look_from(eye: [f64; 3], turn: f64) -> *mut vis_view {
     view
 }
 
-/// Makes a wall from 5 to 6 along x, 40 m wide and from the ground at z = -2 up to `height`, and a lamp behind
-/// it. Returns the ids of both.
+/// Makes a wall from 5 to 6 along x, 40 m wide and from the ground at z = -2 up to `height`, and a lamp
+/// behind it. Returns the ids of both.
 fn street(height: f32) -> (*mut vis_scene, [u64; 2]) {
     let scene = make(vis_scene_create);
     let wall = vis_box { min: [5.0, -20.0, -2.0], max: [6.0, 20.0, height] };

@@ -56,8 +56,8 @@ pub struct ScenePvs {
 #[derive(Clone, Debug)]
 struct OccluderState {
     id: ObjectId,
-    /// Hash of bounds, layers, all flags, the object's own transform, and occluder mesh with its transform (also
-    /// of an object that is not flagged as an occluder), and of whether the object is always drawn.
+    /// Hash of bounds, layers, all flags, the object's own transform, and occluder mesh with its transform
+    /// (also of an object that is not flagged as an occluder), and of whether the object is always drawn.
     hash: u64,
     triangles: Option<SharedTriangles>,
 }
@@ -70,8 +70,8 @@ impl OccluderState {
         };
         if let Some((object, _)) = level_object(scene, id) {
             hash = hash.with_u64(object_hash(&Object { cost: 0, ..object }, Triangles::default(), None));
-            // A caller may name an object that has no flag of an occluder, without which the hash above leaves
-            // glass out, and no triangles that tell how it is turned within its bounds.
+            // A caller may name an object that has no flag of an occluder, without which the hash above
+            // leaves glass out, and no triangles that tell how it is turned within its bounds.
             hash = hash.with(object.see_through.into());
             hash = with_transform(hash, scene.own_transform(id.index() as u32));
             if let Some((mesh, transform)) = scene.mesh_of_occluder(id) {

@@ -178,8 +178,8 @@ impl Scene {
             }
             (details[id.index()].parent, details[id.index()].next) = (link(parent), next);
         }
-        // With its first child an object begins to be drawn from afar alone, and without children it is drawn at
-        // every distance again. Its other children are drawn as before.
+        // With its first child an object begins to be drawn from afar alone, and without children it is drawn
+        // at every distance again. Its other children are drawn as before.
         for parent in [former, parent].into_iter().flatten() {
             self.raise_bounds(self.tree.slots[parent.index()]);
             self.log.push(parent, self.generations.len());

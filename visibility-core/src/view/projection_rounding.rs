@@ -185,8 +185,9 @@ impl ViewProjection {
         [self.row((x + w) * (0.5 * width)), self.row((w - y) * (0.5 * height))]
     }
 
-    /// Returns what [`pixels`](Self::pixels) leave to the right side of the picture and to its lower side: `width *
-    /// w - x` and `height * w - y`. Differences of those rows would be rounded by `x`, which may be much larger.
+    /// Returns what [`pixels`](Self::pixels) leave to the right side of the picture and to its lower side:
+    /// `width * w - x` and `height * w - y`. Differences of those rows would be rounded by `x`, which may be
+    /// much larger.
     pub fn pixels_to_end(&self, width: f64, height: f64) -> [ClipRow; 2] {
         let [x, y, _, w] = self.rows;
         [self.row((w - x) * (0.5 * width)), self.row((w + y) * (0.5 * height))]

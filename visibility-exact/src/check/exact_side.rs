@@ -46,8 +46,8 @@ pub(super) fn side(p: DVec3, q: DVec3, a: DVec3, b: DVec3, delta: f64) -> (f64, 
     let term = |i: usize, j: usize, k: usize| (r[i].hi * u[j].hi * w[k].hi).abs();
     let terms: f64 =
         [(0, 1, 2), (1, 2, 0), (2, 0, 1)].map(|(i, j, k)| term(i, j, k) + term(i, k, j)).iter().sum();
-    // Where products come near the least number, nothing is known but that a product with 0 is 0. Coordinates of
-    // triangles have differences of at least 2^-149, but those of a viewcell may be smaller.
+    // Where products come near the least number, nothing is known but that a product with 0 is 0. Coordinates
+    // of triangles have differences of at least 2^-149, but those of a viewcell may be smaller.
     let is_product = |i: usize, j: usize, k: usize| r[i].hi != 0.0 && u[j].hi != 0.0 && w[k].hi != 0.0;
     let has_products = [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
         .into_iter()

@@ -33,8 +33,8 @@ impl Check<'_> {
         // error of positions, the end is up to delta behind the plane, so it is moved by 1.25 delta, which is
         // surely more. The end is still nearer to Q than triangles that are apart from Q, by almost 3 delta.
         let from_before = sight.before_q.height(line[0]) > 3.0 * self.delta;
-        // With a clearance, segments may pass edges by less than that, and a line that is moved would be none of
-        // them.
+        // With a clearance, segments may pass edges by less than that, and a line that is moved would be none
+        // of them.
         let lift = if self.clearance == 0.0 { 1.25 * self.delta } else { 0.0 };
         let line = [line[0], line[1] + sight.before_q.normal * lift];
         let moved: BTreeMap<u32, DVec3> = moved.iter().copied().collect();

@@ -260,8 +260,8 @@ fn sides(bounds: &Aabb) -> [ViewPlane; 6] {
 ///
 /// Per axis, the light is off by half an epsilon of its own size, and the slack covers that. The gap and its
 /// quotient by the range round by 2 epsilon in all, which squares double, and the sums round by 1.5. The
-/// range is enlarged by 16 epsilon instead, and by the least normal number. An overflow gives an infinite squared gap only if the box is
-/// farther away than the range.
+/// range is enlarged by 16 epsilon instead, and by the least normal number. An overflow gives an infinite
+/// squared gap only if the box is farther away than the range.
 fn is_within(bounds: &Aabb, light: DVec3, range: f64) -> bool {
     let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
     let slack = light.abs() * (4.0 * f64::EPSILON);

@@ -537,8 +537,8 @@ mod tests {
         assert!(worst > 0.5, "the worst error is {worst} of its bound");
     }
 
-    /// Coefficients of the rows for the right and the lower side of the picture are as exact as others where `x`
-    /// and `width * w` nearly cancel, so that what is just inside of the picture is not outside.
+    /// Coefficients of the rows for the right and the lower side of the picture are as exact as others where
+    /// `x` and `width * w` nearly cancel, so that what is just inside of the picture is not outside.
     #[test]
     fn rows_of_the_right_and_the_lower_side_are_not_differences_of_rounded_rows() {
         let least = 2f64.powi(-53);

@@ -63,11 +63,12 @@ impl Parallax {
         Self { radius, change_of_w: radius * gradients[2].length() * (1.0 + ROUNDING), gradients }
     }
 
-    /// Returns where a point appears, given by its `x`, `y` and `w` from the middle of the ball and by bounds on
-    /// the errors of these. The ranges are unbounded for a point nearer than twice the radius.
+    /// Returns where a point appears, given by its `x`, `y` and `w` from the middle of the ball and by bounds
+    /// on the errors of these. The ranges are unbounded for a point nearer than twice the radius.
     ///
-    /// From an eye at which the computed `x` and `w` are `X` and `W`, the exact ones appear at `(X + dx) / (W +
-    /// dw)`. That is `(dx - v dw) / (W + dw)` beside `v = X / W`. The eye may be another than the middle, and
+    /// From an eye at which the computed `x` and `w` are `X` and `W`, the exact ones appear at `(X + dx) / (W
+    /// + dw)`. That is `(dx - v dw) / (W + dw)` beside `v = X / W`. The eye may be another than the middle,
+    /// and
     /// `v` far from the place that the middle sees.
     pub(crate) fn places(&self, [x, y, w]: [f64; 3], [x_error, y_error, w_error]: [f64; 3]) -> Places {
         let [of_x, of_y, of_w] = self.gradients;

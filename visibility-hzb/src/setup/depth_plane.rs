@@ -47,10 +47,9 @@ pub(crate) fn plane(
 ///
 /// A coefficient is a numerator over the determinant. Over the picture, the numerator is off by the error of
 /// cross products times the magnitude of `n` (depth key times `w`). In parallel views, where differences of
-/// `n` multiply cross products too, a corner that is a sum has three errors: 40 of 64 units of errors in all, since
-/// steps have no error of the constant.
-/// The error of `n` times the product of two other coordinates is then added. The error of the determinant
-/// counts as a relative error of the quotient.
+/// `n` multiply cross products too, a corner that is a sum has three errors: 40 of 64 units of errors in all,
+/// since steps have no error of the constant. The error of `n` times the product of two other coordinates is
+/// then added. The error of the determinant counts as a relative error of the quotient.
 #[inline(always)]
 pub(crate) fn lower(
     [a, b, c]: [f64; 3],

@@ -37,9 +37,9 @@ pub(crate) fn extent<const N: usize>(
 /// at most 1024 times the error bound of `w`.
 ///
 /// A quotient `q = a / w` is off by `(e_a + |q| e_w) / (w - e_w)` at most, with absolute errors `e_a` and
-/// `e_w`. Errors are 16 units of round-off at least. Corners that are sums of three steps are off by up to 17, and a
-/// quotient by two of its own and one of the margin: the factor 1.25 makes 20 of 16, less a thousandth for the
-/// divisor, since `w` exceeds `1024 e_w`.
+/// `e_w`. Errors are 16 units of round-off at least. Corners that are sums of three steps are off by up to
+/// 17, and a quotient by two of its own and one of the margin: the factor 1.25 makes 20 of 16, less a
+/// thousandth for the divisor, since `w` exceeds `1024 e_w`.
 #[inline(always)]
 fn rounded_outwards(
     low: [f64; 3],

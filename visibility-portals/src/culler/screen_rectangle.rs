@@ -23,8 +23,8 @@ pub(super) fn rectangle_around(
 ) -> ScreenRectangle {
     // The value of a clip-matrix row at a corner is off by the row's own error plus `error` times the length
     // of the row's linear part. A quotient `q = x / w` whose terms are off by `dx` and `dw` is off by at most
-    // `(dx + |q| dw) / (w - dw)`. Roundings of that bound are less than what `row.at` allows beyond the five that it
-    // needs.
+    // `(dx + |q| dw) / (w - dw)`. Roundings of that bound are less than what `row.at` allows beyond the five
+    // that it needs.
     let value = |row: &ClipRow, at: DVec3| {
         let (value, own) = row.at(at);
         (value, own + error * row.linear.length())

@@ -230,8 +230,8 @@ fn rows_end_with_their_loop() {
     );
 }
 
-/// A viewcell so small that products of its coordinates are below the least number: sides of lines from it are
-/// not known, though no rounding is seen.
+/// A viewcell so small that products of its coordinates are below the least number: sides of lines from it
+/// are not known, though no rounding is seen.
 #[test]
 fn sides_that_underflow_are_unsure() {
     for e in [1e-315, 1e-200, 5e-324] {

@@ -265,8 +265,8 @@ fn lines_that_end_beyond_a_sharp_corner_are_refused() {
     world.refuses_surface(1, line, [[0.0; 3], [80.0, 0.0, 0.0]], "a corner of 2^-20");
 }
 
-/// With a clearance, the sample line ends where its proof says. Moved before the target's plane, it would cross a
-/// triangle that all segments miss.
+/// With a clearance, the sample line ends where its proof says. Moved before the target's plane, it would
+/// cross a triangle that all segments miss.
 #[test]
 fn lines_of_proofs_with_a_clearance_are_not_moved() {
     let target = [[78.0, 3.0, -3.0], [82.0, 7.0, 0.0], [78.0, 3.0, 3.0]];
