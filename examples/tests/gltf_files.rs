@@ -275,7 +275,7 @@ fn buffers_come_from_data_uris_and_files_beside() {
         ("https://example.org/x.bin", "is not opened"),
         ("data:text/plain,hello", "not in base64"),
         ("data:;base64,AAAA", "56 bytes are claimed, 3 are there"),
-        ("data:;base64,A*AA", "is not base64"),
+        ("data:;base64,A*AA", "not base64"),
         ("data:", "no comma"),
     ] {
         let message = read(uri).expect_err(uri).to_string();

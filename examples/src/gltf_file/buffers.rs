@@ -351,7 +351,7 @@ fn data_uri(rest: &str) -> Result<Vec<u8>, String> {
 fn base64(text: &str) -> Result<Vec<u8>, String> {
     let config = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
     let engine = GeneralPurpose::new(&STANDARD, config.with_decode_allow_trailing_bits(true));
-    engine.decode(text).map_err(|error| format!("the data URI: {error}"))
+    engine.decode(text).map_err(|error| format!("the data is not base64: {error}"))
 }
 
 /// Returns the path, without symbolic links, of the file that a relative URI names. Returns a message as the

@@ -122,6 +122,7 @@ impl Canvas {
 
     /// Returns a picture half as wide and half as high, in which each pixel is the mean of four. A last odd
     /// row or column is left out.
+    #[must_use]
     pub fn halved(&self) -> Self {
         let mut half = Self::new(self.width / 2, self.height / 2, [0; 3]);
         for y in 0..half.height {
@@ -140,6 +141,7 @@ impl Canvas {
 
     /// Returns this picture with another to the right of it. What is below the lower of the two has the color
     /// `ground`.
+    #[must_use]
     pub fn beside(&self, right: &Self, ground: Color) -> Self {
         let mut both = Self::new(self.width + right.width, self.height.max(right.height), ground);
         for (picture, left) in [(self, 0), (right, i64::from(self.width))] {

@@ -241,11 +241,12 @@ fn sides_that_underflow_are_unsure() {
         let ring = [40.0, 41.0, 40.5].map(|x| (DVec3::new(x, e, e), 3));
         let step = || Step::Loop {
             piece: world.piece(1),
-            ring: ring.to_vec(),
+            ring: ring.to_vec().into(),
             side: 1.0,
             edges: INSIDE.to_vec().into(),
         };
-        let seen = [[0.0; 3], [80.0, 4.0, 3.0]];
-        assert_eq!(world.error(seen, vec![step(), step(), step()]), LOOP, "coordinates of {e}");
+        // All lines to the target rise, and the occluder hangs down.
+        let proof = world.proof(vec![step(), step(), step()]);
+        assert_eq!(proof.check(&world.triangles).err(), LOOP, "coordinates of {e}");
     }
 }
