@@ -66,9 +66,9 @@ pub(crate) const NUMBERS: usize = 13;
 /// the Euclidean length, and `u = 2^-24`. The cone holds the eye if `w.z + |(w.x, w.y)| <= 0`. Let `s` be the
 /// greatest magnitude in `rows`, and `S` the sum of the magnitudes of the components of `v`. Then
 ///
-/// - `high` is the `f32` nearest to the eye, and the apex is an `f32` as well, so `|low| <= |v|` on each axis.
-///   The error of a component of `v` is at most `3u |v|` for two roundings, of `high` minus apex and of the
-///   sum, and `u |low| <= u |v|` for the rounding of `low`.
+/// - `high` is the `f32` nearest to the eye, and the apex is an `f32` as well, so `|low| <= |v|` on each
+///   axis. The error of a component of `v` is at most `3u |v|` for two roundings, of `high` minus apex and of
+///   the sum, and `u |low| <= u |v|` for the rounding of `low`.
 /// - The error of a component of `w` is at most `3u s S` for its products and sums, `u s S` for the rounding
 ///   of `rows`, and `4u s S` for that of `v`: together less than `8.1 u s S`.
 /// - The error of `w.z + |(w.x, w.y)|` is at most `1 + 2^1/2` times that: less than `20u s S`. The margin is
