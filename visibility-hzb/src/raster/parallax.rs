@@ -142,3 +142,48 @@ impl EdgeZone {
         Some([p.min(q), r.max(s)])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::random;
+    use visibility_core::{Pose, View};
+
+    /// Points appear, from every eye of a ball, within the places that are computed for them, whichever way
+    /// their coordinates are off by their errors. These are made large here.
+    #[test]
+    fn points_appear_in_their_places_if_their_coordinates_are_off() {
+        let mut random = random(17);
+        let (mut bounded, mut beyond) = (0, 0);
+        for trial in 0..4_000 {
+            let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+            let view = View::perspective(pose, random(0.1, 2.0), 16.0 / 9.0, 0.1, 100.0).unwrap();
+            let projection = ScreenProjection::new(&view, DVec3::ZERO, [640, 360], [640, 360]);
+            let parallax = Parallax::new(&projection, random(0.0, 0.5));
+            let [x, y, w] = [random(-1000.0, 1000.0), random(-1000.0, 1000.0), random(0.9, 2.0)];
+            let errors = [random(0.0, 0.5), random(0.0, 0.5), random(0.0, 2e-3)];
+            let places = parallax.places([x, y, w], errors);
+            let exact = parallax.places([x, y, w], [0.0; 3]);
+            if !places.iter().all(|place| place.is_finite()) {
+                continue;
+            }
+            bounded += 1;
+            for case in 0..64 {
+                let [dx, dy, dw] = [0, 1, 2].map(|i| if case >> i & 1 == 0 { errors[i] } else { -errors[i] });
+                // The eye for which the point is farthest to one side, or any eye on the ball.
+                let [of_x, _, of_w] = parallax.gradients;
+                let any = DVec3::new(random(-1.0, 1.0), random(-1.0, 1.0), random(-1.0, 1.0));
+                let farthest = of_x - of_w * exact[case >> 3 & 1];
+                let eye = [any, farthest, -farthest][case % 3].normalize() * parallax.radius;
+                let [of_x, of_y, of_w] = parallax.gradients.map(|gradient| gradient.dot(eye));
+                let w = w + dw - of_w;
+                let (column, row) = ((x + dx - of_x) / w, (y + dy - of_y) / w);
+                let [left, right, above, below] = places;
+                let is_in = left <= column && column <= right && above <= row && row <= below;
+                assert!(is_in, "trial {trial}, case {case}: {column}, {row} in {places:?}");
+                beyond += u32::from(column < exact[0] || column > exact[1]);
+            }
+        }
+        assert!(bounded > 2_000 && beyond > 10_000, "{bounded} {beyond}: too few to show the errors");
+    }
+}
