@@ -3,7 +3,7 @@
 
 use std::path::Path;
 use visibility_examples::description::Description;
-use visibility_examples::floor_plans::{geojson, svg_paths, text};
+use visibility_examples::floor_plans::{geojson, svg, text};
 use visibility_examples::visc::{scene_file, visibility_file};
 use visibility_examples::{gltf_file, vscn};
 
@@ -19,7 +19,7 @@ pub fn run(bytes: &[u8]) -> bool {
         3 => gltf_file::parse(bytes, path).is_ok(),
         4 => Description::parse(bytes, path).is_ok(),
         5 => text::read(plan()).is_ok(),
-        6 => svg_paths::read(plan()).is_ok(),
+        6 => svg::read(plan()).is_ok(),
         _ => geojson::read(plan()).is_ok(),
     }
 }

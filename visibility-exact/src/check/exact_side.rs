@@ -99,6 +99,22 @@ mod tests {
         i32::from(value > error) - i32::from(value < -error)
     }
 
+    /// A determinant that is below the least number is unsure, one whose products have a factor of 0 is 0.
+    #[test]
+    fn sides_that_underflow_are_unsure() {
+        for least in [1e-170, 5e-324] {
+            let (y, z) = (DVec3::Y * least, DVec3::Z * least);
+            for side in [side, quick_side] {
+                assert_eq!(
+                    side(DVec3::ZERO, DVec3::X, y, z, 0.0),
+                    (0.0, f64::INFINITY),
+                    "a side of {least}^2"
+                );
+                assert_eq!(side(DVec3::ZERO, DVec3::X, y, 2.0 * y, 0.0), (0.0, 0.0), "in one plane, {least}");
+            }
+        }
+    }
+
     /// Positions of few digits, so that determinants are exact, moved by up to `delta` to where the
     /// determinant changes most.
     #[test]
