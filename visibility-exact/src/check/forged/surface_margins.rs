@@ -12,6 +12,18 @@ fn world() -> (World, f64) {
     (world, delta)
 }
 
+/// Returns a scene of [`TARGET`] and of a one-sided triangle, which occlude.
+fn with_one_sided(shape: Triangle) -> SceneTriangles {
+    let mut scene = Scene::new();
+    for (shape, one_sided) in [(TARGET, false), (shape, true)] {
+        let triangle = shape.map(Vec3::from_array);
+        let object = Object::new(Aabb::from_points(triangle));
+        let id = scene.insert(Object { occluder: true, one_sided, ..object });
+        scene.set_triangles(id, [triangle]).unwrap();
+    }
+    SceneTriangles::new(&scene)
+}
+
 /// Sample lines whose ends are off the viewcell polygon or the target polygon by an error of positions.
 #[test]
 fn sample_lines_begin_and_end_within_an_error_of_the_polygons() {
@@ -36,14 +48,7 @@ fn fronts_are_faced_from_two_errors_away() {
     let [a, b, c] = WALL.map(|[_, y, z]| [0.0, y, z]);
     let mut faced = 0;
     for shape in [[a, b, c], [a, c, b]] {
-        let mut scene = Scene::new();
-        for (shape, one_sided) in [(TARGET, false), (shape, true)] {
-            let triangle = shape.map(Vec3::from_array);
-            let object = Object::new(Aabb::from_points(triangle));
-            let id = scene.insert(Object { occluder: true, one_sided, ..object });
-            scene.set_triangles(id, [triangle]).unwrap();
-        }
-        world.triangles = SceneTriangles::new(&scene);
+        world.triangles = with_one_sided(shape);
         let found = [1.0, 1.95, 2.05, 1e9].map(|part| {
             world.cell.max.x = -part * delta;
             let (check, sight) = world.node_from(-DVec3::X);
@@ -112,14 +117,7 @@ fn fronts_in_the_plane_of_viewpoints_are_faced_with_a_clearance() {
         for clearance in [0.0, 1.0 / 128.0] {
             let (mut world, _) = world();
             world.clearance = clearance;
-            let mut scene = Scene::new();
-            for (shape, one_sided) in [(TARGET, false), (shape, true)] {
-                let triangle = shape.map(Vec3::from_array);
-                let object = Object::new(Aabb::from_points(triangle));
-                let id = scene.insert(Object { occluder: true, one_sided, ..object });
-                scene.set_triangles(id, [triangle]).unwrap();
-            }
-            world.triangles = SceneTriangles::new(&scene);
+            world.triangles = with_one_sided(shape);
             let (check, sight) = world.node_from(-DVec3::X);
             let found = check.faces(&sight, 1);
             if is_upright {
@@ -138,14 +136,7 @@ fn surfaces_that_show_their_back_are_refused() {
     let line = [DVec3::new(-72.0, 4.0, 0.0), DVec3::new(80.0, 4.0, 3.0)];
     let found = [[a, b, c], [a, c, b]].map(|shape| {
         let (mut world, _) = world();
-        let mut scene = Scene::new();
-        for (shape, one_sided) in [(TARGET, false), (shape, true)] {
-            let triangle = shape.map(Vec3::from_array);
-            let object = Object::new(Aabb::from_points(triangle));
-            let id = scene.insert(Object { occluder: true, one_sided, ..object });
-            scene.set_triangles(id, [triangle]).unwrap();
-        }
-        world.triangles = SceneTriangles::new(&scene);
+        world.triangles = with_one_sided(shape);
         let (check, sight) = world.node_from(-DVec3::X);
         let corners = world.triangles.corners(1).map(|x| (x, None));
         let on_piece = check.is_on_piece(&sight, world.piece(1), &corners);
