@@ -7,7 +7,7 @@ pub mod bakes;
 pub mod culling;
 pub mod level_occluders;
 #[path = "../../examples/tests/extremes/oracle.rs"]
-#[allow(dead_code)]
+#[allow(dead_code)] // No target uses all functions.
 mod oracle;
 pub mod plans;
 pub mod prt;

@@ -22,6 +22,13 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
+    /// Looks around from the eye of a view.
+    fn look(&self, py: Python<'_>, view: PlanView) -> PyResult<Visibility> {
+        let (plan, mut answer) = (self.plan.as_ref(), Visibility::new());
+        py.detach(|| plan.look(&view, &mut answer)).map_err(named("eye"))?;
+        Ok(answer)
+    }
+
     /// Runs a query on two lists of points of the same length.
     fn pairs<'py, R: Send>(
         &self,
@@ -125,9 +132,7 @@ impl Plan {
         sector: Option<[[f64; 2]; 2]>,
         through: u32,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (plan, view) = (self.plan.as_ref(), view_of(eye, range, sector, through));
-        let mut answer = Visibility::new();
-        py.detach(|| plan.look(&view, &mut answer)).map_err(named("eye"))?;
+        let answer = self.look(py, view_of(eye, range, sector, through))?;
         points_array(py, answer.polygon())
     }
 
@@ -141,9 +146,7 @@ impl Plan {
         sector: Option<[[f64; 2]; 2]>,
         through: u32,
     ) -> PyResult<Bound<'py, PyArray1<u32>>> {
-        let (plan, view) = (self.plan.as_ref(), view_of(eye, range, sector, through));
-        let mut answer = Visibility::new();
-        py.detach(|| plan.look(&view, &mut answer)).map_err(named("eye"))?;
+        let answer = self.look(py, view_of(eye, range, sector, through))?;
         let mut walls = answer.walls().to_vec();
         walls.sort_unstable();
         Ok(PyArray1::from_vec(py, walls))
