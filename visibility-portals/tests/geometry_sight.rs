@@ -225,8 +225,18 @@ fn yard(random: &mut Random, tolerance: f64) -> Vec<[DVec3; 2]> {
     boxes
 }
 
-/// Returns whether a segment from `far` to `end` ends before a face of a wall, or within a quarter of the
-/// tolerance of the wall.
+/// Returns the faces of a box, as boxes without a thickness.
+fn faces(&[min, max]: &[DVec3; 2]) -> [[DVec3; 2]; 6] {
+    core::array::from_fn(|face| {
+        let (mut low, mut high) = (min, max);
+        let at = if face < 3 { min } else { max }[face % 3];
+        (low[face % 3], high[face % 3]) = (at, at);
+        [low, high]
+    })
+}
+
+/// Returns whether a segment from `far` to `end` ends before a face, or within a quarter of the tolerance of
+/// it.
 fn is_at([min, max]: &[DVec3; 2], end: DVec3, far: DVec3, tolerance: f64) -> bool {
     let is_before = |axis: usize| {
         let is_beside = (0..3).all(|k| k == axis || (min[k] <= end[k] && end[k] <= max[k]));
@@ -290,13 +300,13 @@ fn search_yards(seed: u64, levels: usize) -> [usize; 2] {
             let eye = turn * if random.one_in(4) { beside(&mut random) } else { inside(&mut random) };
             let [from, to] = [eye, at].map(|p| turn.transpose() * p);
             let end = (to - from).normalize() * (8.0 * tolerance).min(0.4 * to.distance(from));
-            // Lines nearer than the tolerance to walls may be blocked, other than by walls at their ends.
-            let is_clear_of = |wall: &[DVec3; 2]| {
-                let is_at_end = is_at(wall, from, to, tolerance) || is_at(wall, to, from, tolerance);
-                !blocked(&[*wall], from, to, 1.01 * tolerance)
-                    || is_at_end && !blocked(&[*wall], from + end, to - end, 1.01 * tolerance)
+            // Lines nearer than the tolerance to faces may be blocked, other than by faces at their ends.
+            let is_clear_of = |face: [DVec3; 2]| {
+                let is_at_end = is_at(&face, from, to, tolerance) || is_at(&face, to, from, tolerance);
+                !blocked(&[face], from, to, 1.01 * tolerance)
+                    || is_at_end && !blocked(&[face], from + end, to - end, 1.01 * tolerance)
             };
-            let is_clear = !blocked(&walls, from, to, 0.0) && walls.iter().all(is_clear_of);
+            let is_clear = !blocked(&walls, from, to, 0.0) && walls.iter().flat_map(faces).all(is_clear_of);
             match level.reports(eye, at, object) {
                 Some(reports) if is_clear => {
                     reached += 1;
