@@ -691,6 +691,10 @@ impl Culler for OnlinePvs {
         Accuracy::Conservative
     }
 
+    fn hides_behind_undrawn(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.sync(scene);
         let anchor = match view.eye(DVec3::ZERO) {

@@ -525,6 +525,7 @@ fn a_view_that_does_not_draw_an_occluder_keeps_what_is_behind() {
         assert_eq!(known, is_known, "views of the layers {layers:?}");
     }
     assert!(hidden.contains(street.back.index()), "the post behind the wall");
+    assert!(street.online.hides_behind_undrawn(), "the wall is not asked for in the set");
 }
 
 #[test]

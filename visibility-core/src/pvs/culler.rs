@@ -584,6 +584,10 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
         if is_proven { Accuracy::Conservative } else { Accuracy::Approximate }
     }
 
+    fn hides_behind_undrawn(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.enter(scene, view);
         if !self.is_answered {
