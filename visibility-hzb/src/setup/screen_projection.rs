@@ -13,6 +13,7 @@
 //! not depend on where in the scene the camera is. The rows and their error bounds come from core's
 //! [`ViewProjection`].
 
+use visibility_core::geometry::keeps_orientation;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::view::{ClipRow, ViewProjection};
 use visibility_core::{Aabb, View, view::Eye};
