@@ -9,7 +9,7 @@ mod welding;
 use crate::half::Half;
 use crate::line_side::{U, side, sign};
 use crate::triangle_tree::TriangleTree;
-use alloc::{boxed::Box, vec, vec::Vec};
+use alloc::{boxed::Box, collections::BTreeMap, vec, vec::Vec};
 use log::Log;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::{DVec3, Vec3};
