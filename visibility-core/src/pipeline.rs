@@ -320,8 +320,10 @@ impl Pipeline {
     /// problems that no stage can solve: objects that are never culled only because their bounds are NaN or
     /// inverted, and objects with draw ranges if no stage follows draw ranges. Also names each stage that
     /// [hides objects behind others](Culler::hides_behind_objects) before a later stage removes some of these
-    /// by draw range or size: what is hidden behind them is then missing. Does not call `each` if nothing is
-    /// lacking.
+    /// by draw range or size: what is hidden behind them is then missing. Where a stage removes [small
+    /// objects](Culler::follows_sizes), names each stage that hides behind always drawn objects [whether or
+    /// not they are in the set](Culler::hides_behind_undrawn): behind many small ones, such as the panels of
+    /// a distant tower, objects are missing. Does not call `each` if nothing is lacking.
     ///
     /// Takes up to a millisecond, and time in proportion to the number of objects that are never culled. For
     /// overlays and logs, once in a while rather than every frame.
@@ -340,6 +342,12 @@ impl Pipeline {
             let what =
                 "occluders that hide others before a later stage may remove them by draw range or size";
             each(culler.name(), Lack { what, count });
+        }
+        let is_sized = !scene.is_empty() && self.stages.iter().any(|(culler, _)| culler.follows_sizes());
+        for (culler, _) in self.stages.iter().filter(|(culler, _)| is_sized && culler.hides_behind_undrawn())
+        {
+            let what = "objects that may be hidden behind others that a stage removes as too small";
+            each(culler.name(), Lack { what, count: scene.len() });
         }
         let count = scene.draw_range_count();
         if count > 0 && !self.stages.iter().any(|(culler, _)| culler.follows_draw_ranges()) {

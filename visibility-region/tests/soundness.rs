@@ -4,6 +4,7 @@
 //! triangles, and the rays of the sampling culler, which are guided to gaps.
 
 use crate::common::random_world;
+use std::cell::Cell;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 #[cfg(feature = "papers")]
@@ -68,6 +69,21 @@ impl RegionCuller for Parts {
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         self.0.cull_in_parts(scene, cell, 3, visible, &|| false)
     }
+}
+
+#[test]
+fn no_part_is_begun_after_a_stop() {
+    let (world, cell) = random_world(&mut Random(3), 1.0);
+    let asked = Cell::new(0);
+    let stop = || {
+        asked.set(asked.get() + 1);
+        true
+    };
+    let mut visible = VisibleSet::new();
+    let all = visible.retain(&world.scene, |_, _| true).visible;
+    let stats = ExtendedProjectionCuller::new().cull_in_parts(&world.scene, &cell, 1000, &mut visible, &stop);
+    assert_eq!(stats.visible, all, "nothing is removed");
+    assert!(asked.get() < 100, "asked {} times for a million parts", asked.get());
 }
 
 #[test]

@@ -337,6 +337,17 @@ fn it_composes_with_other_cullers() {
     }
 }
 
+/// Tests that the culler says whether it removes objects by size with its present settings.
+#[test]
+fn a_limit_above_zero_follows_sizes() {
+    for (height, pixels, expected) in
+        [(1080.0, 2.0, true), (1080.0, 0.0, false), (0.0, 2.0, false), (1080.0, f64::NAN, false)]
+    {
+        let culler = ContributionCuller::new(height, pixels);
+        assert_eq!(culler.follows_sizes(), expected, "{pixels} of {height} pixels");
+    }
+}
+
 /// Tests that a pipeline reports draw ranges if none of its stages follows them.
 #[test]
 fn a_pipeline_reports_draw_ranges_that_it_does_not_follow() {

@@ -156,20 +156,25 @@ impl Reflections {
             (one.mirror, one.parent, one.depth, one.view) = (MirrorId(mirror), parent, depth, view);
             one.visible.fill(scene, &view);
             FrustumCuller::new().cull(scene, &view, &mut one.visible);
-            if matches!(stats.fallback, Some(NotCulled::NotSynced)) {
+            let Some(eye_view) = PortalView::new(&view) else {
+                // Mirrors in this one are not looked for.
+                stats.reflections_left_out += 1;
                 continue;
-            }
-            let Some(eye_view) = PortalView::new(&view) else { continue };
-            // From the mirrored eye, lines of sight begin in the mirror: the walk starts in each window
-            // through which the mirror is seen, mirrored as well.
+            };
             self.walk.begin(cells);
-            for (_, seen) in &self.seen[windows] {
-                let sides = &self.sides[seen.window.sides.start as usize..seen.window.sides.end as usize];
-                let sides = sides.iter().map(|side| reflect_side(side, &plane, &parent_lines, &eye_view));
-                self.walk.start_in_window(cells, &eye_view, seen.cell, sides, seen.window.rectangle);
+            let is_synced = !matches!(stats.fallback, Some(NotCulled::NotSynced));
+            if is_synced {
+                // From the mirrored eye, lines of sight begin in the mirror: the walk starts in each window
+                // through which the mirror is seen, mirrored as well.
+                for (_, seen) in &self.seen[windows] {
+                    let sides = &self.sides[seen.window.sides.start as usize..seen.window.sides.end as usize];
+                    let sides = sides.iter().map(|side| reflect_side(side, &plane, &parent_lines, &eye_view));
+                    self.walk.start_in_window(cells, &eye_view, seen.cell, sides, seen.window.rectangle);
+                }
             }
-            // A walk that reaches the limit of steps hides nothing, and may have missed mirrors.
-            if self.walk.run(cells, &eye_view, settings.0, settings.1, stats) {
+            // A walk that reaches the limit of steps hides nothing, and may have missed mirrors. The doors and
+            // objects of cells that are not synced are unknown, so nothing is walked.
+            if is_synced && self.walk.run(cells, &eye_view, settings.0, settings.1, stats) {
                 let seen = WalkedScene { cells, scene, walk: &self.walk, eye_view: &eye_view };
                 let (unknown, frame) = known;
                 seen.retain(unknown, frame, &mut self.all[place].visible, &mut stats.tests);
@@ -201,18 +206,22 @@ impl Reflections {
 /// Returns `view` reflected in `plane` (world space), with a clip plane that keeps points on the side that
 /// the plane's normal points to, or behind the plane by at most `error` world units.
 ///
+/// The signed distance of the view's origin is a sum of four terms, which nearly cancel far from the world's
+/// origin. It rounds by less than `8u` of the sum of their magnitudes, with `u` the unit round-off 2^-53.
+///
 /// # Errors
 /// A [`ViewError`] if the reflected matrix is not a valid view.
 fn reflect(view: &View, plane: &Plane, error: f64) -> Result<View, ViewError> {
     let n = plane.normal;
     let offset = plane.signed_distance(view.origin());
+    let rounding = 8.0 * U * (n.abs().dot(view.origin().abs()) + plane.offset.abs());
     let columns = DVec3::AXES.map(|axis| (axis - n * (2.0 * n.dot(axis))).extend(0.0));
     let mirror = DMat4::from_cols(columns[0], columns[1], columns[2], (n * (-2.0 * offset)).extend(1.0));
     let matrix = view.clip_from(view.origin()) * mirror;
     View::from_clip_from_world(matrix, view.depth())?
         .relative_to(view.origin())?
         .with_layers(view.layers())
-        .with_clip_planes(&[Plane::new(n, offset + error + 8.0 * U * offset.abs())])
+        .with_clip_planes(&[Plane::new(n, offset + error + rounding)])
 }
 
 /// Reflects the plane `side` of a window in the mirror plane `plane`, which is in world space. `side` is
@@ -230,5 +239,39 @@ fn reflect_side(side: &WindowPlane, plane: &Plane, from: &PortalView, to: &Porta
         plane: Plane::new(turned, side.plane.offset),
         slope: side.slope + 32.0 * U,
         slack: side.slack + (1.0 + side.slope) * moved,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Pose;
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_testing::Random;
+
+    /// The clip plane of a reflected view, relative to the view's origin, keeps every point on the front of the
+    /// mirror, also where the distance from the mirror is a difference of large numbers.
+    #[test]
+    fn the_clip_plane_keeps_what_is_on_the_mirror() {
+        let mut random = Random(5);
+        let mut cut_without = 0;
+        for trial in 0..2000 {
+            let eye = random.vector([1.0, 1e4, 1e8][trial % 3]);
+            let pose = Pose::look_at(eye, eye + random.direction(), random.direction());
+            let view =
+                View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap().relative_to(eye).unwrap();
+            let plane = Plane::through(eye + random.vector(3.0), random.direction());
+            let Ok(reflected) = reflect(&view, &plane, 0.0) else { continue };
+            let [clip] = reflected.clip_planes() else { panic!("trial {trial}: one clip plane") };
+            // Distance of the view's origin from the mirror: a point on the mirror has a greater one from the
+            // clip plane, unless the plane cuts the point away.
+            let terms = [0, 1, 2].map(|i| DoubleDouble::product(plane.normal[i], reflected.origin()[i]));
+            let exact = terms.into_iter().fold(DoubleDouble::from(plane.offset), DoubleDouble::plus);
+            let above = |offset: f64| exact.plus(DoubleDouble::from(-offset)).hi > 0.0;
+            assert!(!above(clip.offset), "trial {trial}: {clip:?} cuts away points of {plane:?}");
+            let offset = plane.signed_distance(reflected.origin());
+            cut_without += u32::from(above(offset + 8.0 * U * offset.abs()));
+        }
+        assert!(cut_without > 100, "{cut_without} planes cut away too much without the margin");
     }
 }
