@@ -52,8 +52,10 @@ impl Swapped for Synchronised {
         culler.set_occluders(source.into());
     }
 
-    fn truth(&self, source: &Self::Source) -> Self::Culler {
-        self.make(source)
+    /// Columns keep three steps. A solid more may replace a step, so that a fresh culler, which knows all
+    /// solids, hides less than a culler that does not know what has changed since its occluders were made.
+    fn is_judged_by_segments(&self) -> bool {
+        true
     }
 }
 
