@@ -77,10 +77,11 @@ fn check(seed: u64, sizes: [usize; 3], style: Style, mazes: u32, views: u32, ray
             // The rectangle's window contains the polygon's, so each cell that the polygon reaches is reached
             // with the rectangle. Objects may differ: a box is tested against planes one by one, so near a
             // sharp corner of the polygon only the rectangle may exclude it. With a great tolerance the
-            // margins of the two differ as well.
+            // margins of the two differ as well, as they do where doors are slivers: an edge too short for
+            // its error gives the polygon no plane, and the rectangle is bounded there all the same.
             for cell in eye.seen_cells() {
                 assert!(
-                    style.tolerance > 1e-6 || boxed.sees(cell),
+                    style.slivers || style.tolerance > 1e-6 || boxed.sees(cell),
                     "seed {seed}, view {view}: the rectangle does not show {cell:?}"
                 );
             }
