@@ -1,6 +1,7 @@
 //! Runs the cullers of one view in sequence, with tools that show which culler removed an object.
 
 use crate::kept_answer::KeptAnswer;
+use crate::spans;
 use crate::view::{Reach, ViewRegion};
 use crate::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet, culler::Lack, jobs::Jobs};
 use alloc::{boxed::Box, vec::Vec};
@@ -255,11 +256,14 @@ impl Pipeline {
         }
         let mut sum = CullStats::default();
         for (place, (culler, stats)) in self.stages.iter_mut().enumerate() {
-            *stats = match (region, jobs) {
-                (Some(region), _) => culler.cull_region(jobs, scene, region, visible)?,
-                (None, Some(jobs)) => culler.cull_on(jobs, scene, view, visible),
-                (None, None) => culler.cull(scene, view, visible),
-            };
+            let span = spans::stage(culler.name());
+            let answer = span.within(|| match (region, jobs) {
+                (Some(region), _) => culler.cull_region(jobs, scene, region, visible),
+                (None, Some(jobs)) => Some(culler.cull_on(jobs, scene, view, visible)),
+                (None, None) => Some(culler.cull(scene, view, visible)),
+            });
+            *stats = answer?;
+            span.record_stage(stats);
             sum += *stats;
             if let Some(removals) = &mut self.removals {
                 removals.after_stage(place, scene, visible);
@@ -268,9 +272,23 @@ impl Pipeline {
         Some(sum)
     }
 
+    /// Runs a frame as [`answer`](Self::answer) does, within its span.
+    fn run(
+        &mut self,
+        jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        view: &View,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
+        let span = spans::frame();
+        let sum = span.within(|| self.answer(jobs, scene, view, visible));
+        span.record_frame(self.is_kept(), sum.visible);
+        sum
+    }
+
     /// Fills `visible`, lets each stage cull and finishes `visible`, unless the answer of an earlier frame is
     /// kept. Returns the sum of the counters.
-    fn run(
+    fn answer(
         &mut self,
         jobs: Option<&dyn Jobs>,
         scene: &Scene,
