@@ -41,7 +41,7 @@
 //!   types too. What is read passes the checks of the constructors. An improper box is refused, also when
 //!   written. Ids keep their generation, which another run of the program does not know.
 //! - `mint`: types of `mint` where arrays are taken: clip matrices ([`view::ClipMatrix`]), transforms
-//!   ([`scene::ToAffine`]), boxes; and glam's types from those of `mint`.
+//!   ([`scene::ToAffine`]), boxes.
 //! - `tracing`: a span `cull` for each frame, in it a span `stage` for each culler, a span `bake_round` for
 //!   each round of a [`bake`] and in it a span `bake_item` for each item. Their fields are the counters
 //!   [`CullStats`] and [`bake::Progress`]. Level `DEBUG`, target `visibility`.

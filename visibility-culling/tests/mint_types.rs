@@ -1,8 +1,7 @@
 //! Conversions of the types of `mint`: no element changes its place.
 
-use mint::{ColumnMatrix3x4, ColumnMatrix4, Point3, RowMatrix3x4, RowMatrix4, Vector3};
+use mint::{ColumnMatrix3x4, ColumnMatrix4, Point3, RowMatrix3x4, RowMatrix4};
 use visibility_culling::Aabb;
-use visibility_culling::glam::{DVec3, Vec3};
 use visibility_culling::scene::ToAffine;
 use visibility_culling::view::ClipMatrix;
 
@@ -43,12 +42,4 @@ fn transforms_keep_their_elements() {
     assert_eq!(expected.translation.x, 13.0, "the translation of the expected transform");
     assert_eq!(ColumnMatrix3x4::<f32>::from(columns).to_affine(), expected, "columns");
     assert_eq!(RowMatrix3x4::<f32>::from(rows).to_affine(), expected, "rows");
-}
-
-#[test]
-fn glam_takes_vectors() {
-    let vector = Vector3 { x: 1.0, y: 2.0, z: 3.0 };
-    assert_eq!(Vec3::from(vector), Vec3::new(1.0, 2.0, 3.0), "a vector in f32");
-    let vector = Vector3 { x: 1.0, y: 2.0, z: 3.0 };
-    assert_eq!(DVec3::from(vector), DVec3::new(1.0, 2.0, 3.0), "a vector in f64");
 }
