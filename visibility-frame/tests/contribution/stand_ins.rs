@@ -391,12 +391,8 @@ fn at_most_64_parents_stand_above_one_another() {
     for (child, parent) in [(near, top), (far, top), (below, far)] {
         scene.set_hlod_parent(child, Some(parent)).unwrap();
     }
-    assert_eq!(
-        scene.set_hlod_parent(top, Some(ids[2])),
-        Ok(()),
-        "65 levels: 62 and the parent, and two below"
-    );
-    assert_eq!(scene.set_hlod_parent(top, Some(ids[1])), too_many(top), "66 levels");
-    assert_eq!(scene.set_hlod_parent(near, Some(ids[1])), Ok(()), "63 and the parent, and none below");
+    assert_eq!(scene.set_hlod_parent(top, Some(ids[3])), Ok(()), "62 parents, and two levels below");
+    assert_eq!(scene.set_hlod_parent(top, Some(ids[2])), too_many(top), "63 parents, and two levels below");
+    assert_eq!(scene.set_hlod_parent(near, Some(ids[1])), Ok(()), "64 parents, and none below");
     scene.set_hlod_parent(ids[64], None).unwrap();
 }
