@@ -391,3 +391,25 @@ pub(super) fn in_world(bounds: &Aabb, origin: DVec3, tolerance: f64) -> (DVec3, 
     let grown = DVec3::splat(tolerance) + (min.abs().max(max.abs())) * f64::EPSILON;
     (min - grown, max + grown)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Boxes hold the exact box and its tolerance. Each sum rounds by half of its last place, half to even,
+    /// and so does each difference.
+    #[test]
+    fn boxes_in_the_world_hold_the_exact_box() {
+        let far = 9_007_199_254_740_992.0;
+        for (x, tolerance, low, high) in
+            [(-far, 0.0, -far - 2.0, 1.0 - far), (far, 0.0, far - 1.0, far + 2.0), (0.0, 0.25, -1.25, 1.25)]
+        {
+            let bounds = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+            let (min, max) = in_world(&bounds, DVec3::splat(x), tolerance);
+            assert!(min.cmple(DVec3::splat(low)).all(), "{min} of a box from {low}");
+            assert!(max.cmpge(DVec3::splat(high)).all(), "{max} of a box up to {high}");
+            let near = tolerance + far.min(x.abs() + 1.0) * 1e-15;
+            assert!(min.cmpge(DVec3::splat(low - near)).all(), "{min} is close to {low}");
+        }
+    }
+}
