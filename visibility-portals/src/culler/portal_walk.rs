@@ -48,8 +48,8 @@ pub(super) struct PortalPath {
     /// Index in `PortalWalk::paths` of the path without its last portal, or `NONE` for a path that starts at
     /// the eye.
     pub(super) parent: u32,
-    /// The last portal of this path, the one nearest to the cell that the path leads to. Meaningless if
-    /// `parent` is `NONE`.
+    /// The last portal of this path, the one nearest to the cell that the path leads to. `NONE`, which is no
+    /// portal, if `parent` is `NONE`.
     pub(super) portal: PortalId,
     /// Index in `PortalWalk::paths` of the path to the same cell that was found just before this path, or
     /// `NONE` if this path was found first.
@@ -298,7 +298,7 @@ impl PortalWalk {
         let direction = id.index() * 2 + usize::from(forward);
         // A line does not return through the portal that it has just crossed. For an eye in the portal's
         // plane, the test of sides below cannot tell this.
-        let back = from.parent != NONE && from.portal == id;
+        let back = from.portal == id;
         if !cells.doors.passes(id, forward)
             || back
             || self.passed[direction]
@@ -506,7 +506,9 @@ fn crossing(eye_view: &PortalView, outline: &Outline, vertices: &[DVec3]) -> Cro
 #[cfg(test)]
 mod tests {
     use super::*;
-    use visibility_core::geometry::Plane;
+    use visibility_core::cells::CellGraph;
+    use visibility_core::geometry::{ConvexPolygon, Plane};
+    use visibility_core::pvs::{Viewcell, Viewcells};
     use visibility_core::{Pose, View};
 
     /// Returns a view along x from the origin, 90 degrees wide and high, whose eye is off by `error`.
@@ -612,6 +614,22 @@ mod tests {
                     "{x} from a portal off by {error}, {flaw}, eye by {of_eye}, {ball}"
                 );
             }
+        }
+    }
+
+    #[test]
+    fn covered_mirrors_and_backs_of_mirrors_are_not_seen() {
+        let viewcells = Viewcells::new([Viewcell::from_box(DVec3::splat(-9.0), DVec3::splat(9.0))]);
+        let mut cells = SceneCells::new(CellGraph::new(1, []).unwrap(), viewcells, 0.0).unwrap();
+        let mut glass = square(DVec3::X);
+        let back = cells.add_mirror(CellId(0), &ConvexPolygon::new(glass).unwrap()).unwrap();
+        glass.reverse();
+        let front = cells.add_mirror(CellId(0), &ConvexPolygon::new(glass).unwrap()).unwrap();
+        for (is_uncovered, count) in [(true, 1), (false, 0)] {
+            [back, front].map(|mirror| cells.set_mirror(mirror, is_uncovered).unwrap());
+            let mut walk = PortalWalk::default();
+            walk.try_all_mirrors(&cells, &eye_view(0.0));
+            assert_eq!(walk.mirrors.len(), count, "mirrors seen, uncovered: {is_uncovered}");
         }
     }
 

@@ -108,4 +108,22 @@ mod tests {
             assert_eq!(found(&beside(east + beyond, tolerance), &view, anchor).len(), 1, "cells at {beyond}");
         }
     }
+
+    /// Lines of sight that begin outside all cells, or at an unknown place, are told.
+    #[test]
+    fn lines_that_begin_outside_or_anywhere_are_told() {
+        use visibility_core::{Pose, geometry::Plane};
+        let at = |x: f64| {
+            let pose = Pose::look_at(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 1.0, 0.0, 0.0), DVec3::Z);
+            View::perspective(pose, 1.0, 1.0, 0.1, 9.0).unwrap()
+        };
+        // Lines to one side never meet the plane behind which they would begin.
+        let anywhere = at(0.0).with_clip_planes(&[Plane::new(DVec3::Y, -5.0)]).unwrap();
+        for (what, view, is_known) in
+            [("inside", at(0.0), true), ("outside", at(2e6), false), ("anywhere", anywhere, false)]
+        {
+            let found = StartCells::default().find(&beside(1.0, 0.0), &view, DVec3::ZERO, |_| {});
+            assert_eq!(found, is_known, "lines of sight that begin {what}");
+        }
+    }
 }
