@@ -268,4 +268,15 @@ mod tests {
         }
         assert!(known > 2_000 && held > 5_000, "{known} views with a sector, {held} directions in it");
     }
+
+    #[test]
+    fn the_error_of_a_frame_is_that_of_the_eye() {
+        let eye = DVec3::new(1e6, 2e6, 3e6);
+        let pose = visibility_core::Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap();
+        let far = View::from_clip_from_world(view.clip_from(DVec3::ZERO), view.depth()).unwrap();
+        let frame = Frame::new(&far, DVec3::ZERO, UpAxis::Z);
+        let error = ViewProjection::new(&far, DVec3::ZERO).eye_error();
+        assert!(error > 0.0 && frame.error == error, "{} of {error}", frame.error);
+    }
 }

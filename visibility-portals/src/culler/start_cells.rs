@@ -126,4 +126,19 @@ mod tests {
             assert_eq!(found, is_known, "lines of sight that begin {what}");
         }
     }
+
+    /// The cells of a region are those within the tolerance of the ball in which lines of sight begin.
+    #[test]
+    fn cells_within_the_tolerance_of_a_ball_are_begun_in() {
+        use visibility_core::{Pose, view::Reach};
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, 0.1, 9.0).unwrap();
+        let region = ViewRegion::around(&view, Reach::new(0.5, 0.1)).unwrap();
+        for (by, count) in [(0.09, 2), (0.11, 1)] {
+            let (cells, mut found) = (beside(region.start_radius() + by, 0.1), vec![]);
+            let each = |cell| found.push(cell);
+            let is_covered = StartCells::default().find_around(&cells, &region, DVec3::ZERO, each);
+            assert_eq!((is_covered, found.len()), (true, count), "cells {by} beside the ball");
+        }
+    }
 }

@@ -445,31 +445,12 @@ mod tests {
         }
     }
 
-    /// A view is refused if a plane cannot be computed, or if rounding leaves its eye or its direction
-    /// unknown: the rows of its matrix are nearly dependent.
     #[test]
-    fn views_without_a_known_eye_or_plane_are_refused() {
+    fn views_with_a_plane_infinitely_far_away_are_refused() {
         let wide = view([DVec3::X, DVec3::Y, DVec3::Z], [0.0; 3]).unwrap();
-        let clip = Plane::new(DVec3::X * 1e-300, 1e100);
-        let clipped = wide.with_clip_planes(&[clip]).unwrap();
-        assert!(PortalView::new(&clipped).is_none(), "a plane infinitely far away");
-        let mut refused = [0; 2];
-        for power in 40..56 {
-            let nearly = DVec3::new(1.0, 2f64.powi(-power), 0.0);
-            let perspective = view([DVec3::X, nearly, DVec3::Z], [1.0, 2.0, 3.0]);
-            let rows = [DVec3::X.extend(0.3), nearly.extend(0.7), DVec3::Z.extend(0.5), DVec4::W];
-            let matrix = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
-            let parallel = View::from_clip_from_world(matrix, Depth::ZeroToOne).ok();
-            for (kind, view) in [perspective, parallel].into_iter().enumerate() {
-                let Some(view) = view else { continue };
-                let error = ViewProjection::new(&view, DVec3::ZERO).eye_error();
-                let most = [f64::MAX, 0.01][kind];
-                if !(error < most) {
-                    assert!(PortalView::new(&view).is_none(), "kind {kind}: an error of {error}");
-                    refused[kind] += 1;
-                }
-            }
+        for (size, is_refused) in [(1e-300, true), (1.0, false)] {
+            let clipped = wide.with_clip_planes(&[Plane::new(DVec3::X * size, 1e100)]).unwrap();
+            assert_eq!(PortalView::new(&clipped).is_none(), is_refused, "a normal of length {size}");
         }
-        assert!(refused.iter().all(|&count| count > 0), "views refused: {refused:?}");
     }
 }
