@@ -393,7 +393,8 @@ mod tests {
         let (mut columns, mut hidden) = (Columns::new(COUNT), 0);
         for trial in 0..20_000 {
             let mut large = || [0.0, 0.02, 0.02 * random.unit()][random.below(3)];
-            let (mut frame, error) = (Frame { error: large(), ..Frame::BLIND }, large());
+            let (mut frame, error) = (Frame::BLIND, large());
+            frame.error = large();
             let (near, height) = (random.range(1.0, 2.0), random.range(0.5, 1.0));
             // Half of the panels are across the face, and level.
             let is_level = random.one_in(2);
@@ -403,7 +404,6 @@ mod tests {
                 Post { x, y: x * y, low: -height - turn(&mut random), high }
             };
             let posts = [post(0.7), post(-0.6)];
-            frame.eye = [0.0; 3];
             columns.begin(&frame);
             if trial % 2 == 0 {
                 columns.draw_wall(&frame, &posts, error, true);

@@ -626,7 +626,9 @@ mod tests {
         glass.reverse();
         let front = cells.add_mirror(CellId(0), &ConvexPolygon::new(glass).unwrap()).unwrap();
         for (is_uncovered, count) in [(true, 1), (false, 0)] {
-            [back, front].map(|mirror| cells.set_mirror(mirror, is_uncovered).unwrap());
+            for mirror in [back, front] {
+                cells.set_mirror(mirror, is_uncovered).unwrap();
+            }
             let mut walk = PortalWalk::default();
             walk.try_all_mirrors(&cells, &eye_view(0.0));
             assert_eq!(walk.mirrors.len(), count, "mirrors seen, uncovered: {is_uncovered}");
