@@ -336,7 +336,7 @@ mod tests {
     fn parts_of_boxes_hold_their_points() {
         let mut random = Random(1);
         let (half, mut met) = (8192.0, 0);
-        for trial in 0..100_000 {
+        for trial in 0..30_000 {
             let far = [0.0, 1e2, 1e5][trial % 3];
             let mut frame = Frame::BLIND;
             let eye = random.fine_vector(far);
@@ -385,6 +385,6 @@ mod tests {
                 }
             }
         }
-        assert!(met > 100_000, "{met} points are in faces");
+        assert!(met > 30_000, "{met} points are in faces");
     }
 }

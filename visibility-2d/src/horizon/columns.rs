@@ -579,7 +579,7 @@ mod tests {
     #[test]
     fn steps_of_a_column_hide_what_was_added() {
         let mut random = visibility_testing::Random(1);
-        for trial in 0..30_000 {
+        for trial in 0..1_000 {
             let (mut block, mut added) = (Block::OPEN, Vec::new());
             for _ in 0..6 {
                 let [a, b] = [(); 2].map(|()| random.below(7) as f32);
