@@ -417,8 +417,7 @@ mod tests {
         }
     }
 
-    /// Two rooms that reach 1.5 across the plane of the door between them, which a tolerance of 0.07 allows:
-    /// the door may be tilted.
+    /// Two rooms that reach 1.5 across the plane of the door between them.
     fn rooms(tolerance: f64) -> Result<SceneCells, SceneCellsError> {
         let door = [[4.0, 1.0, -1.0], [4.0, 3.0, -1.0], [4.0, 3.0, 1.0], [4.0, 1.0, 1.0]];
         let door = ConvexPolygon::new(door.map(DVec3::from)).unwrap();
@@ -435,7 +434,6 @@ mod tests {
             assert!(is_refused, "a tolerance of {tolerance}");
         }
         assert!(matches!(rooms(f64::NAN), Err(SceneCellsError::Tolerance(_))), "a tolerance of NaN");
-        assert!(rooms(0.06).is_err(), "rooms that reach across a door by more than the tolerance");
         let mut cells = rooms(0.1).unwrap();
         let mirror = cells.graph.portals()[0].polygon().clone();
         cells.add_mirror(CellId(0), &mirror).unwrap();
