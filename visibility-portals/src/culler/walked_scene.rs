@@ -86,12 +86,15 @@ mod tests {
             for eye in [0.0, 1e3] {
                 let view = PortalView { anchor: DVec3::splat(anchor as f64), error: eye, ..view.clone() };
                 let shift = Shift::new(DVec3::splat(origin as f64), &view);
-                let [low, high] = [corner.min(0), corner.max(0)].map(|x| [x as f32; 3]);
-                let (min, max, error) = shift.relative(&Aabb::from_arrays(low, high));
-                let found = if corner < 0 { min } else { max };
-                let exact = [origin, -anchor, corner].map(i128::from).iter().sum::<i128>();
-                let off = (exact - found.x as i128).unsigned_abs() as f64 * 3f64.sqrt();
-                assert!(error >= off + eye, "off by {off}, {error} known: {origin}, {anchor}, {corner}");
+                // A point, and a box that reaches from there to the scene's origin.
+                for other in [corner, 0] {
+                    let [low, high] = [corner.min(other), corner.max(other)].map(|x| [x as f32; 3]);
+                    let (min, max, error) = shift.relative(&Aabb::from_arrays(low, high));
+                    let found = if corner < other { min } else { max };
+                    let exact = [origin, -anchor, corner].map(i128::from).iter().sum::<i128>();
+                    let off = (exact - found.x as i128).unsigned_abs() as f64 * 3f64.sqrt();
+                    assert!(error >= off + eye, "off by {off}, {error} known: {origin}, {anchor}, {corner}");
+                }
             }
         }
     }
