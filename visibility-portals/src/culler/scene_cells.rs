@@ -446,5 +446,8 @@ mod tests {
         cells.sync(&scene);
         assert_eq!(cells.cells_of(near), [CellId(1)], "cells of an object within the tolerance");
         assert_eq!(cells.cells_of(far), [], "cells of an object beyond it");
+        let added = add(&mut scene, 1.0);
+        cells.sync(&scene);
+        assert_eq!(cells.cells_of(added), [CellId(0), CellId(1)], "cells of an object that was added later");
     }
 }
