@@ -52,7 +52,11 @@ mod tests {
             let triangle = [a, plus(a, e, 1), plus(a, f, 1)];
             // The middle of the box is near the plane of the triangle, or in it.
             let [i, j, error] = [vector(4)[0], vector(4)[0], if large { vector(64)[0].abs() } else { 0 }];
-            let middle = plus(plus(plus(a, e, i), f, j), vector(if large { 1 << 11 } else { (trial % 4) as i64 / 2 }), 1);
+            let middle = plus(
+                plus(plus(a, e, i), f, j),
+                vector(if large { 1 << 11 } else { (trial % 4) as i64 / 2 }),
+                1,
+            );
             let half = if large { vector(1 << 9).map(i128::abs) } else { [0; 3] };
             let float = |p: [i128; 3]| DVec3::from(p.map(|x| x as f64));
             let side = facing(triangle.map(float), float(middle), float(half), error as f64, false);
