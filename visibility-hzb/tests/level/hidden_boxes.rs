@@ -7,7 +7,7 @@ use visibility_core::geometry::Plane;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::occlusion::{Occlusion, Preparation};
 use visibility_core::{
-    Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View,
+    Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View,
     VisibleSet,
 };
 use visibility_hzb::{Hzb, HzbCuller};
