@@ -57,3 +57,16 @@ pub(crate) fn winding(polygon: &[Spot], p: Spot) -> i128 {
 pub(crate) fn edges(polygon: &[Spot]) -> impl Iterator<Item = [Spot; 2]> {
     polygon.iter().zip(polygon.iter().cycle().skip(1)).map(|(&a, &b)| [a, b])
 }
+
+/// Returns four spots of which the first two are within a pixel of one border between tiles, and the third and
+/// fourth of one each, in a buffer of the given columns and rows of tiles.
+pub(crate) fn along_borders(random: &mut impl FnMut(f64, f64) -> f64, tiles: [usize; 2]) -> [Spot; 4] {
+    let axis = random(0.0, 2.0) as usize;
+    let borders = [0; 3].map(|_| random(0.0, tiles[axis] as f64 + 1.0) as i128 * 8 * UNITS);
+    core::array::from_fn(|i| {
+        let mut spot = [0; 2];
+        spot[axis] = borders[i.saturating_sub(1)] + (random(-1.0, 1.0) * UNITS as f64) as i128;
+        spot[1 - axis] = coordinate(random, -8.0, tiles[1 - axis] as f64 * 8.0 + 8.0);
+        spot
+    })
+}

@@ -142,9 +142,11 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
 #[cfg(test)]
 mod tests {
     use super::super::edges::Edges16;
+    use super::super::outline_rule::frame;
     use super::*;
     use crate::exact_outline::{Spot, UNITS, centre, coordinate, edges, in_pixels, is_near, meets, winding};
     use crate::random::random;
+    use crate::rounding::FloorCeil;
     use alloc::format;
 
     /// Two edges leave the guard band at the right side and meet beyond it. The rows between them have only
@@ -229,5 +231,75 @@ mod tests {
             }
         }
         assert!(counts.iter().all(|&count| count > 10_000), "{counts:?} points outside, inside, on edges");
+    }
+
+    /// Returns an end of an edge in the plane of `x` and `y`, whose value to cut by is `x`.
+    fn end([x, y]: [f64; 2]) -> End {
+        End { point: [x, y, 1.0, 1.0, x], plain: None }
+    }
+
+    /// A cut keeps all edges on the kept side, closes the outline there, and keeps its parity. Plain vertices
+    /// stay wherever they are.
+    #[test]
+    fn cut_outlines_are_closed_and_keep_their_parity() {
+        let (mut random, mut counts) = (random(52), [0; 2]);
+        for trial in 0..20_000 {
+            // Whole numbers: many vertices are on the line of the cut.
+            let polygon: [Spot; 5] =
+                core::array::from_fn(|_| [0; 2].map(|_| random(-4.0, 5.0).floor_() as i128 * UNITS));
+            let mut scratch = ClipScratch::default();
+            scratch.edges.extend(edges(&polygon).map(|edge| edge.map(|spot| end(in_pixels(spot)))));
+            scratch.cut(4, 0.0);
+            let case = format!("trial {trial}: {polygon:?}");
+            let ends = || scratch.edges.iter().flatten().map(|end| end.point);
+            assert!(ends().all(|point| point[0] >= -1e-12), "{case}: an end on the side cut off");
+            for point in ends() {
+                let count = ends().filter(|&other| other == point).count();
+                assert!(count % 2 == 0, "{case}: {count} edges end at {point:?}");
+            }
+            for _ in 0..5 {
+                let at = [random(0.0, 5.0), random(-4.0, 5.0)].map(|v| v.floor_() as i128 * UNITS + 77);
+                let [x, y] = in_pixels(at);
+                let is_right = |&[a, b]: &&[End; 2]| {
+                    let ([ax, ay, ..], [bx, by, ..]) = (a.point, b.point);
+                    (ay < y) != (by < y) && ax + (y - ay) * (bx - ax) / (by - ay) > x
+                };
+                if edges(&polygon).any(|[a, b]| meets(a, b, at.map(|v| v - 1), at.map(|v| v + 1))) {
+                    continue;
+                }
+                let is_odd = winding(&polygon, at) % 2 != 0;
+                let count = scratch.edges.iter().filter(is_right).count();
+                assert_eq!(count % 2 != 0, is_odd, "{case} at {x}, {y}");
+                counts[usize::from(is_odd)] += 1;
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 5_000), "{counts:?} points outside and inside");
+        let plain = End { plain: Some([0.0; 2]), ..end([-1.0, 0.0]) };
+        let mut scratch =
+            ClipScratch { edges: [[plain, end([1.0, 0.0])]].to_vec(), ..ClipScratch::default() };
+        scratch.cut(4, 0.0);
+        let [[kept, _]] = scratch.edges[..] else { panic!("{} edges", scratch.edges.len()) };
+        assert_eq!(kept.point, plain.point, "a plain vertex stays");
+    }
+
+    /// The error of a clipped outline is the greatest of its vertices, and its range of `w` that of all.
+    #[test]
+    fn clipped_outlines_have_the_greatest_error() {
+        let frame = frame();
+        let corners = [[3.0, 3.0, 1.0], [50.0, 20.0, 2.0], [200.0, 90.0, 20.0]];
+        let corner = |[x, y, w]: [f64; 3]| End { point: [x, y, w, 1.0, w], plain: None };
+        let error = |[x, y, w]: [f64; 3]| project_corner([x, y, w, 1.0], &frame.object).1;
+        let greatest = corners.map(error).into_iter().fold(0.0, f64::max);
+        assert!(
+            corners.iter().filter(|&&corner| error(corner) < 0.9 * greatest).count() == 2,
+            "one error is greatest"
+        );
+        for first in 0..3 {
+            let [a, b, c] = [0, 1, 2].map(|i| corner(corners[(first + i) % 3]));
+            let mut scratch =
+                ClipScratch { edges: [[a, b], [b, c], [c, a]].to_vec(), ..ClipScratch::default() };
+            let bounds = scratch.clip(&frame, &mut Edges::default());
+            assert_eq!(bounds, [greatest, 1.0, 20.0], "error and range of w, first corner {first}");
+        }
     }
 }

@@ -9,7 +9,9 @@ use super::seams::Seams;
 use crate::buffer::tile_layout::SIDE;
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
-use crate::exact_outline::{Spot, UNITS, centre, coordinate, edges, in_pixels, is_near, meets, winding};
+use crate::exact_outline::{
+    Spot, UNITS, along_borders, centre, coordinate, edges, in_pixels, is_near, meets, winding,
+};
 use crate::random::random;
 use crate::setup::screen_shape::tile_minimum_plane;
 use alloc::format;
@@ -31,7 +33,7 @@ const ROUNDING: f32 = 0.003;
 const UNCERTAIN: i128 = 8;
 
 /// Returns a frame whose slack and columns are replaced by each test.
-fn frame() -> LevelFrame {
+pub(super) fn frame() -> LevelFrame {
     let corners = [Vec3::ZERO, Vec3::new(9.0, 9.0, 0.0), Vec3::new(9.0, 0.0, 9.0)];
     let triangles = [LevelTriangle { corners, two_sided: true }];
     let level = LevelOccluders::new(&triangles, LevelSettings::default()).unwrap();
@@ -84,7 +86,11 @@ fn pixels_are_covered_up_to_the_slack_from_an_outline() {
         frame.columns = if trial % 5 == 0 { [7, 15] } else { [0, 18] };
         let reach = [4.0, 30.0, 300.0][random(0.0, 3.0) as usize];
         let middle = [random(-40.0, 184.0), random(-10.0, 26.0)];
-        let polygon: [Spot; 4] = core::array::from_fn(|_| spot(&mut random, middle, reach));
+        let polygon: [Spot; 4] = if trial % 5 < 2 {
+            along_borders(&mut random, [18, 2])
+        } else {
+            core::array::from_fn(|_| spot(&mut random, middle, reach))
+        };
         let coverage = if trial % 4 == 0 { Coverage::Sampled } else { Coverage::Conservative };
         let (mut tiles, mut seams) = (Tiles::new(SIZE[0], SIZE[1]), Seams::default());
         draw(&outline(&polygon, NO_EDGE), &frame, coverage, [0.0, 0.0, 1.0], &mut seams, &mut tiles);
@@ -122,7 +128,11 @@ fn pixels_along_a_shared_edge_are_covered_by_both() {
         frame.columns = if trial % 5 == 0 { [7, 15] } else { [0, 18] };
         let reach = [10.0, 60.0, 150.0][random(0.0, 3.0) as usize];
         let middle = [random(0.0, 144.0), random(0.0, 16.0)];
-        let [a, b, c, d]: [Spot; 4] = core::array::from_fn(|_| spot(&mut random, middle, reach));
+        let [a, b, c, d]: [Spot; 4] = if trial % 5 < 2 {
+            along_borders(&mut random, [18, 2])
+        } else {
+            core::array::from_fn(|_| spot(&mut random, middle, reach))
+        };
         let polygons = [[a, b, c], [b, a, d]];
         let joined = [b, c, a, d];
         let planes: [[f64; 3]; 2] =

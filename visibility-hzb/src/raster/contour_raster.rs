@@ -295,7 +295,7 @@ impl<'a> ContourRaster<'a> {
     #[inline(always)]
     pub(crate) fn merge(self, tiles: &mut Tiles) {
         let [x0, x1, y0, y1] = self.used;
-        if x0 > x1 || y0 > y1 {
+        if x0 > x1 {
             return;
         }
         for row in y0..=y1 {
@@ -413,7 +413,9 @@ impl Sides {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::exact_outline::{Spot, UNITS, centre, coordinate, edges, in_pixels, is_near, meets, winding};
+    use crate::exact_outline::{
+        Spot, UNITS, along_borders, centre, coordinate, edges, in_pixels, is_near, meets, winding,
+    };
     use crate::random::random;
     use alloc::format;
 
@@ -440,8 +442,11 @@ mod tests {
             let slack = if trial % 3 == 0 { 0 } else { random(0.0, 256.0) as i128 };
             let reach = [4.0, 30.0, 400.0][random(0.0, 3.0) as usize];
             let middle = [random(-10.0, 50.0), random(-10.0, 34.0)];
-            let polygon: [Spot; 4] =
-                core::array::from_fn(|_| middle.map(|at| coordinate(&mut random, at - reach, at + reach)));
+            let polygon: [Spot; 4] = if trial % 5 < 2 {
+                along_borders(&mut random, [5, 3])
+            } else {
+                core::array::from_fn(|_| middle.map(|at| coordinate(&mut random, at - reach, at + reach)))
+            };
             let mut raster = ContourRaster::new(&mut cells, 5, [40.0, 24.0], slack as f64 / 256.0 + ROUNDING);
             for (i, [a, b]) in edges(&polygon).enumerate() {
                 // Either direction, with the multiplicity that belongs to it.
@@ -489,6 +494,14 @@ mod tests {
                 });
                 [x[0], x[1], y[0], y[1]]
             });
+            let ends = if trial % 2 == 0 {
+                ends
+            } else {
+                // Sides of both rectangles near one border between tiles.
+                let [a, b, ..] = along_borders(&mut random, [5, 3]);
+                let by = [0; 2].map(|_| random(-2_000.0, 2_000.0) as i128);
+                [a, b].map(|[x, y]| [x.min(x + by[0]), x.max(x + by[0]), y.min(y + by[1]), y.max(y + by[1])])
+            };
             let zone = EdgeZone { ends: ends.map(|end| end.map(|at| at as f64 / 256.0)) };
             let mut raster = ContourRaster::new(&mut cells, 5, [40.0, 24.0], slack as f64 / 256.0 + ROUNDING);
             raster.erode(&zone);
@@ -586,5 +599,28 @@ mod tests {
             }
         }
         assert!(counts.iter().all(|&count| count > 15_000), "{counts:?} quarters are apart and lowered");
+    }
+
+    /// Where no triangle is known, a contour covers nothing: there is no bound on depth.
+    #[test]
+    fn contours_without_triangles_cover_nothing() {
+        let tiles = &mut Tiles::new(40, 24);
+        let mut cells = ContourTiles::new(tiles);
+        let mut raster = ContourRaster::new(&mut cells, 5, [40.0, 24.0], ROUNDING);
+        let corners =
+            [[-1, -1], [-1, 25], [41, 25], [41, -1]].map(|spot: Spot| vertex(spot.map(|v| v * UNITS)));
+        for i in 0..4 {
+            raster.contour(&corners[i], &corners[(i + 1) % 4], 1, true);
+        }
+        raster.lower_depth_keys(
+            &[[0, 0], [0, 4], [4, 0]].map(|spot: Spot| vertex(spot.map(|v| v * UNITS))),
+            || [0.0; 3],
+        );
+        raster.merge(tiles);
+        for (x, y) in (0..24).flat_map(|y| (0..40).map(move |x| (x, y))) {
+            // The triangle, widened for rounding, meets four quarters of the first tile.
+            let expected = if x < 8 && y < 8 { 1.0 } else { f32::NEG_INFINITY };
+            assert_eq!(tiles.pixel(x, y), expected, "pixel {x}, {y}");
+        }
     }
 }
