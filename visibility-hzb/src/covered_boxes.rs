@@ -1,5 +1,5 @@
 //! Tests that boxes cover no pixel that they leave partly bare, nor one nearer than they are, if their screen
-//! coordinates are off by as much as the error bounds allow. The oracle meets the true box with the lines of
+//! coordinates are off by as much as the error bounds allow, and that cuts at the near plane bound triangles. The oracle meets the true box with the lines of
 //! sight through the corners of pixels. Errors are made large, beside which its own rounding is nothing.
 
 use crate::buffer::tiles::Tiles;
@@ -15,10 +15,23 @@ use crate::setup::screen_projection::{ScreenProjection, project_object};
 use crate::setup::screen_shape::{ScreenShape, ShapeResult};
 use visibility_core::glam::{Affine3A, DMat3, DVec3, Vec3};
 use visibility_core::view::Window;
-use visibility_core::{Aabb, Pose, View};
+use visibility_core::{Aabb, Pose, View, occlusion::Edge};
 
 /// Width and height of the buffer in pixels.
 const SIZE: usize = 32;
+
+/// Returns the line of sight through a place on the screen: the point `start` on the near plane and `step`, such
+/// that `start + t * step` is `t` beyond that plane.
+fn line_of_sight(projection: &ScreenProjection, [column, row]: [f64; 2]) -> (DVec3, DVec3) {
+    let ([x, y, w, _], near) = (projection.rows, projection.near);
+    let [rx, ry, rw, rd] = [x, y, w, near].map(|row| DVec3::from(row.linear));
+    let inverse = DMat3::from_cols(rx - rw * column, ry - rw * row, rd).transpose().inverse();
+    let at = |t: f64| {
+        let [x, y] = [w.constant * column - x.constant, w.constant * row - y.constant];
+        inverse * DVec3::new(x, y, t - near.constant)
+    };
+    (at(0.0), at(1.0) - at(0.0))
+}
 
 /// Returns the depth key of a box where the line of sight through a place on the screen first meets its
 /// surface beyond the near plane. If the line begins inside, it meets the inner side, which counts if the box
@@ -29,16 +42,9 @@ fn first_hit(
     two_sided: bool,
     [column, row]: [f64; 2],
 ) -> Option<f64> {
-    let [x, y, w, n] = projection.rows;
-    let near = projection.near;
-    let [rx, ry, rw, rn, rd] = [x, y, w, n, near].map(|row| DVec3::from(row.linear));
-    // Points `p` with the pixel coordinates `column` and `row`, `t` beyond the near plane.
-    let inverse = DMat3::from_cols(rx - rw * column, ry - rw * row, rd).transpose().inverse();
-    let at = |t: f64| {
-        let [x, y] = [w.constant * column - x.constant, w.constant * row - y.constant];
-        inverse * DVec3::new(x, y, t - near.constant)
-    };
-    let (start, step) = (at(0.0), at(1.0) - at(0.0));
+    let (start, step) = line_of_sight(projection, [column, row]);
+    let [_, _, w, n] = projection.rows;
+    let [rw, rn] = [w, n].map(|row| DVec3::from(row.linear));
     let [a, b] = [(min - start) / step, (max - start) / step];
     let (enter, exit) = (a.min(b).max_element(), a.max(b).min_element());
     let t = if enter >= 0.0 { enter } else { exit };
@@ -124,4 +130,68 @@ fn boxes_off_by_their_errors_cover_no_bare_pixel() {
     for (counts, least) in covered.iter().zip(least) {
         assert!(counts[0] > least[0] && counts[1] >= least[1], "{covered:?} pixels are covered");
     }
+}
+
+/// A triangle that the near plane may cut covers the pixels that its part beyond that plane covers entirely: no
+/// other pixel, and all that stay covered if they are larger by a tenth of a pixel.
+#[test]
+fn triangles_cut_at_the_near_plane_cover_their_rest() {
+    let (mut random, mut covered) = (random(62), [[0; 2]; 2]);
+    let edges = [[0, 1], [1, 2], [2, 0]].map(|vertices| Edge { vertices, left: 0, right: None });
+    for trial in 0..4_000 {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = if trial % 4 < 2 {
+            View::orthographic(pose, Window::centered(4.0, 4.0), 2.0, 20.0)
+        } else {
+            View::perspective(pose, 1.5, 1.0, 2.0, 20.0)
+        };
+        let projection = ScreenProjection::new(&view.unwrap(), DVec3::ZERO, [SIZE; 2], [SIZE; 2]);
+        let corners =
+            [0; 3].map(|_| DVec3::new(random(1.0, 4.0), random(-4.0, 4.0), random(-4.0, 4.0)).as_vec3());
+        let object = projection.project_object(&Affine3A::IDENTITY, [4.0; 3]);
+        let mesh = OccluderTriangles {
+            positions: &corners,
+            triangles: &[[0, 1, 2]],
+            edges: &edges,
+            two_sided: true,
+        };
+        let (mut tiles, mut shape) = (Tiles::new(SIZE, SIZE), ScreenShape::default());
+        let (facing, rule) = (projection.facing, Coverage::Conservative);
+        if trial % 2 == 0 {
+            let scratch = &mut ConvexScratch::default();
+            let result = convex_shape(&mesh, &object, &projection, facing, rule, true, scratch, &mut shape);
+            if result == ShapeResult::Ready {
+                fill_shape(&shape, &mut tiles);
+            }
+        } else {
+            let (mut scratch, mut cells) = (MeshScratch::default(), ContourTiles::new(&tiles));
+            let (scratch, cells) = (&mut scratch, &mut cells);
+            draw_mesh(&mesh, &object, &projection, facing, rule, None, scratch, cells, &mut tiles);
+        }
+        let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+        let normal = (b - a).cross(c - a);
+        // How far a place is within the triangle and beyond the near plane. Negative outside.
+        let depth_within = |place: [f64; 2]| {
+            let (start, step) = line_of_sight(&projection, place);
+            let t = normal.dot(a - start) / normal.dot(step);
+            let p = start + step * t;
+            let inside = |a: DVec3, b: DVec3| normal.cross(b - a).dot(p - a) / normal.length_squared();
+            t.min(inside(a, b)).min(inside(b, c)).min(inside(c, a))
+        };
+        let is_cut = corners.iter().any(|corner| corner.x < 2.0);
+        for (x, y) in (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (x, y))) {
+            let least = |by: f64| {
+                let [low, high] = [[x, y].map(|v| v as f64 - by), [x, y].map(|v| v as f64 + 1.0 + by)];
+                let corners = [low, [high[0], low[1]], [low[0], high[1]], high];
+                corners.map(depth_within).into_iter().fold(f64::INFINITY, f64::min)
+            };
+            if tiles.pixel(x, y) > f32::NEG_INFINITY {
+                covered[trial % 2][usize::from(is_cut)] += 1;
+                assert!(least(0.0) >= -1e-9, "trial {trial}, pixel {x}, {y} of {corners:?} is covered");
+            } else {
+                assert!(least(0.1) < 1e-6, "trial {trial}, pixel {x}, {y} of {corners:?} is bare");
+            }
+        }
+    }
+    assert!(covered.iter().flatten().all(|&count| count > 2_000), "{covered:?} pixels are covered");
 }
