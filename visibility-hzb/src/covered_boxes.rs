@@ -1,6 +1,7 @@
 //! Tests that boxes cover no pixel that they leave partly bare, nor one nearer than they are, if their screen
-//! coordinates are off by as much as the error bounds allow, and that cuts at the near plane bound triangles. The oracle meets the true box with the lines of
-//! sight through the corners of pixels. Errors are made large, beside which its own rounding is nothing.
+//! coordinates are off by as much as the error bounds allow, and that cuts at the near plane bound triangles.
+//! The oracle meets the true box with the lines of sight through the corners of pixels. Errors are made
+//! large, beside which its own rounding is nothing.
 
 use crate::buffer::tiles::Tiles;
 use crate::coverage::Coverage;
@@ -20,8 +21,8 @@ use visibility_core::{Aabb, Pose, View, occlusion::Edge};
 /// Width and height of the buffer in pixels.
 const SIZE: usize = 32;
 
-/// Returns the line of sight through a place on the screen: the point `start` on the near plane and `step`, such
-/// that `start + t * step` is `t` beyond that plane.
+/// Returns the line of sight through a place on the screen: the point `start` on the near plane and `step`,
+/// such that `start + t * step` is `t` beyond that plane.
 fn line_of_sight(projection: &ScreenProjection, [column, row]: [f64; 2]) -> (DVec3, DVec3) {
     let ([x, y, w, _], near) = (projection.rows, projection.near);
     let [rx, ry, rw, rd] = [x, y, w, near].map(|row| DVec3::from(row.linear));
@@ -132,8 +133,8 @@ fn boxes_off_by_their_errors_cover_no_bare_pixel() {
     }
 }
 
-/// A triangle that the near plane may cut covers the pixels that its part beyond that plane covers entirely: no
-/// other pixel, and all that stay covered if they are larger by a tenth of a pixel.
+/// A triangle that the near plane may cut covers the pixels that its part beyond that plane covers entirely:
+/// no other pixel, and all that stay covered if they are larger by a tenth of a pixel.
 #[test]
 fn triangles_cut_at_the_near_plane_cover_their_rest() {
     let (mut random, mut covered) = (random(62), [[0; 2]; 2]);

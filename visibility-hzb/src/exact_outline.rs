@@ -1,5 +1,5 @@
-//! Exact geometry of outlines on the screen, for tests of what rasters cover. Coordinates are whole numbers of
-//! [`UNITS`] in a pixel.
+//! Exact geometry of outlines on the screen, for tests of what rasters cover. Coordinates are whole numbers
+//! of [`UNITS`] in a pixel.
 
 /// Units in a pixel.
 pub(crate) const UNITS: i128 = 256;
@@ -58,8 +58,8 @@ pub(crate) fn edges(polygon: &[Spot]) -> impl Iterator<Item = [Spot; 2]> {
     polygon.iter().zip(polygon.iter().cycle().skip(1)).map(|(&a, &b)| [a, b])
 }
 
-/// Returns four spots of which the first two are within a pixel of one border between tiles, and the third and
-/// fourth of one each, in a buffer of the given columns and rows of tiles.
+/// Returns four spots of which the first two are within a pixel of one border between tiles, and the third
+/// and fourth of one each, in a buffer of the given columns and rows of tiles.
 pub(crate) fn along_borders(random: &mut impl FnMut(f64, f64) -> f64, tiles: [usize; 2]) -> [Spot; 4] {
     let axis = random(0.0, 2.0) as usize;
     let borders = [0; 3].map(|_| random(0.0, tiles[axis] as f64 + 1.0) as i128 * 8 * UNITS);
