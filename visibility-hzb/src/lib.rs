@@ -84,6 +84,10 @@ mod buffer;
 mod buffer_size;
 mod coverage;
 #[cfg(test)]
+mod covered_boxes;
+#[cfg(test)]
+mod exact_outline;
+#[cfg(test)]
 mod exact_screen;
 mod hom;
 mod hzb;

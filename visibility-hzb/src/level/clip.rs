@@ -141,7 +141,13 @@ fn push_within(a: [f64; 2], b: [f64; 2], guard: f64, out: &mut Edges) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::edges::Edges16;
+    use super::super::outline_rule::frame;
     use super::*;
+    use crate::exact_outline::{Spot, UNITS, centre, coordinate, edges, in_pixels, is_near, meets, winding};
+    use crate::random::random;
+    use crate::rounding::FloorCeil;
+    use alloc::format;
 
     /// Two edges leave the guard band at the right side and meet beyond it. The rows between them have only
     /// one edge left, at the left, so the outline must record that it reaches the right side.
@@ -164,6 +170,136 @@ mod tests {
         for i in 0..numbers.len().pow(4) {
             let [a, b, c, d] = [1, 6, 36, 216].map(|divisor| numbers[i / divisor % 6]);
             push_within([a, b], [c, d], 100.0, &mut Edges::default());
+        }
+    }
+
+    /// Outlines keep their parity at all points within the guard band, keep their edges there, and say
+    /// whether an edge is beyond its right side.
+    #[test]
+    fn outlines_within_the_band_keep_their_parity_and_edges() {
+        let (mut random, mut counts) = (random(51), [0; 3]);
+        // No coordinate is that of a side of the band, which is half a unit beyond 100 pixels.
+        let guard = 100.0 + 0.5 / UNITS as f64;
+        for trial in 0..20_000 {
+            let reach = [50.0, 200.0, 2_000.0][random(0.0, 3.0) as usize];
+            let polygon: [Spot; 4] =
+                core::array::from_fn(|_| [0; 2].map(|_| coordinate(&mut random, -reach, reach)));
+            let mut out = Edges::default();
+            for (i, [a, b]) in edges(&polygon).enumerate() {
+                let [a, b] = if i % 2 == 0 { [a, b] } else { [b, a] };
+                push_within(in_pixels(a), in_pixels(b), guard, &mut out);
+            }
+            out.finish();
+            let lanes = || out.drawn.iter().flat_map(|edges| (0..16).map(move |i| (edges, i)));
+            let band = 100 * UNITS;
+            let is_beyond = |from: i128, rows: i128| {
+                edges(&polygon).any(|[a, b]| meets(a, b, [from, -rows], [1_000 * band, rows]))
+            };
+            let (is_cut, case) = (out.is_cut_at_right(), format!("trial {trial}: {polygon:?}"));
+            assert!(is_cut || !is_beyond(band + 1, band), "{case} is beyond the right side");
+            assert!(!is_cut || is_beyond(band, band + 1), "{case} is not beyond the right side");
+            for _ in 0..20 {
+                let pixel = [0; 2].map(|_| random(0.0, 200.0) as usize);
+                // The picture of this test begins at the corner of the band.
+                let moved = polygon.map(|spot| spot.map(|v| v + band));
+                if edges(&moved).any(|edge| is_near(edge, pixel, 0)) {
+                    continue;
+                }
+                let [x, y] = pixel.map(|v| v as f32 - 99.5);
+                let is_left = |&(edges, i): &(&Edges16, usize)| {
+                    edges.top[i] < y && y <= edges.bottom[i] && edges.column(i, y) < x
+                };
+                let is_odd = winding(&moved, centre(pixel)) % 2 != 0;
+                assert_eq!(lanes().filter(is_left).count() % 2 != 0, is_odd, "{case} at {x}, {y}");
+                counts[usize::from(is_odd)] += 1;
+            }
+            for [a, b] in edges(&polygon).map(|edge| edge.map(in_pixels)) {
+                let share = random(0.0, 1.0);
+                let [x, y] = [0, 1].map(|axis| (a[axis] + (b[axis] - a[axis]) * share) as f32);
+                if x.abs().max(y.abs()) > 99.99 {
+                    continue;
+                }
+                let is_here = |(edges, i): (&Edges16, usize)| {
+                    let row = y.clamp(edges.top[i], edges.bottom[i].max(edges.top[i]));
+                    let (column, level) = (edges.column(i, row), edges.level[i]);
+                    // Along an edge that is nearly horizontal, rounding of the row moves the column.
+                    let by = 0.02 + 0.001 * edges.slope[i].abs();
+                    (row - y).abs() < 0.02 && column - by <= x && x <= column + level + by
+                };
+                assert!(lanes().any(is_here), "{case} has no edge at {x}, {y}");
+                counts[2] += 1;
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 10_000), "{counts:?} points outside, inside, on edges");
+    }
+
+    /// Returns an end of an edge in the plane of `x` and `y`, whose value to cut by is `x`.
+    fn end([x, y]: [f64; 2]) -> End {
+        End { point: [x, y, 1.0, 1.0, x], plain: None }
+    }
+
+    /// A cut keeps all edges on the kept side, closes the outline there, and keeps its parity. Plain vertices
+    /// stay wherever they are.
+    #[test]
+    fn cut_outlines_are_closed_and_keep_their_parity() {
+        let (mut random, mut counts) = (random(52), [0; 2]);
+        for trial in 0..20_000 {
+            // Whole numbers: many vertices are on the line of the cut.
+            let polygon: [Spot; 5] =
+                core::array::from_fn(|_| [0; 2].map(|_| random(-4.0, 5.0).floor_() as i128 * UNITS));
+            let mut scratch = ClipScratch::default();
+            scratch.edges.extend(edges(&polygon).map(|edge| edge.map(|spot| end(in_pixels(spot)))));
+            scratch.cut(4, 0.0);
+            let case = format!("trial {trial}: {polygon:?}");
+            let ends = || scratch.edges.iter().flatten().map(|end| end.point);
+            assert!(ends().all(|point| point[0] >= -1e-12), "{case}: an end on the side cut off");
+            for point in ends() {
+                let count = ends().filter(|&other| other == point).count();
+                assert!(count % 2 == 0, "{case}: {count} edges end at {point:?}");
+            }
+            for _ in 0..5 {
+                let at = [random(0.0, 5.0), random(-4.0, 5.0)].map(|v| v.floor_() as i128 * UNITS + 77);
+                let [x, y] = in_pixels(at);
+                let is_right = |&[a, b]: &&[End; 2]| {
+                    let ([ax, ay, ..], [bx, by, ..]) = (a.point, b.point);
+                    (ay < y) != (by < y) && ax + (y - ay) * (bx - ax) / (by - ay) > x
+                };
+                if edges(&polygon).any(|[a, b]| meets(a, b, at.map(|v| v - 1), at.map(|v| v + 1))) {
+                    continue;
+                }
+                let is_odd = winding(&polygon, at) % 2 != 0;
+                let count = scratch.edges.iter().filter(is_right).count();
+                assert_eq!(count % 2 != 0, is_odd, "{case} at {x}, {y}");
+                counts[usize::from(is_odd)] += 1;
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 5_000), "{counts:?} points outside and inside");
+        let plain = End { plain: Some([0.0; 2]), ..end([-1.0, 0.0]) };
+        let mut scratch =
+            ClipScratch { edges: [[plain, end([1.0, 0.0])]].to_vec(), ..ClipScratch::default() };
+        scratch.cut(4, 0.0);
+        let [[kept, _]] = scratch.edges[..] else { panic!("{} edges", scratch.edges.len()) };
+        assert_eq!(kept.point, plain.point, "a plain vertex stays");
+    }
+
+    /// The error of a clipped outline is the greatest of its vertices, and its range of `w` that of all.
+    #[test]
+    fn clipped_outlines_have_the_greatest_error() {
+        let frame = frame();
+        let corners = [[3.0, 3.0, 1.0], [50.0, 20.0, 2.0], [200.0, 90.0, 20.0]];
+        let corner = |[x, y, w]: [f64; 3]| End { point: [x, y, w, 1.0, w], plain: None };
+        let error = |[x, y, w]: [f64; 3]| project_corner([x, y, w, 1.0], &frame.object).1;
+        let greatest = corners.map(error).into_iter().fold(0.0, f64::max);
+        assert!(
+            corners.iter().filter(|&&corner| error(corner) < 0.9 * greatest).count() == 2,
+            "one error is greatest"
+        );
+        for first in 0..3 {
+            let [a, b, c] = [0, 1, 2].map(|i| corner(corners[(first + i) % 3]));
+            let mut scratch =
+                ClipScratch { edges: [[a, b], [b, c], [c, a]].to_vec(), ..ClipScratch::default() };
+            let bounds = scratch.clip(&frame, &mut Edges::default());
+            assert_eq!(bounds, [greatest, 1.0, 20.0], "error and range of w, first corner {first}");
         }
     }
 }

@@ -120,10 +120,11 @@ impl LevelFrame {
         // thicker than the eye's distance from it is met at no less than half the `w` of its plane.
         let most_flattened = MAX_BEND_PX * projection.rows[2].constant.abs() / pixels_per_metre;
         let least_near = if perspective {
-            projection.near.constant.abs() + projection.near.error
+            projection.near.constant.abs()
         } else {
             near.length() * level.thickness.min(most_flattened) * (2.0 / MIN_PARALLEL_COSINE)
         };
+        // The limit is 1,024 errors of such a distance, which covers that of the near plane's constant.
         let least_near = least_near * (1.0 + 1e-6) + 2.0 * object.near_limit();
         // A `w` of at least 1,024 times its error, so that quotients by `w` err by at most a thousandth.
         let least_w = 1024.0 * object.error[2];
@@ -217,4 +218,101 @@ fn window(projection: &ScreenProjection, least_near: f64, least_w: f64) -> Optio
         }
     }
     Some(points)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::random;
+    use alloc::sync::Arc;
+    use visibility_core::Pose;
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_core::view::Window;
+    use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
+
+    /// The points of the window are outside the buffer by half a pixel, beyond 1.5 times the distance and
+    /// beyond twice the `w` asked for, whichever way the rows of the projection are off by their errors, and
+    /// in double-double arithmetic where views are as narrow as numbers allow.
+    #[test]
+    fn windows_are_where_they_should_be() {
+        let (mut random, mut counts) = (random(81), [[0; 2]; 2]);
+        let size = [64.0, 32.0];
+        for trial in 0..20_000 {
+            let is_narrow = trial % 2 == 0;
+            let fov = if is_narrow { 10.0f64.powi(-(random(0.0, 15.0) as i32)) } else { random(0.1, 2.0) };
+            let pose = Pose::look_at(DVec3::ZERO, DVec3::new(1.0, random(-1.0, 1.0), 0.3), DVec3::Z);
+            let Ok(view) = View::perspective(pose, fov, 2.0, 0.1, 900.0) else { continue };
+            let mut projection = ScreenProjection::new(&view, DVec3::ZERO, [64, 32], [64, 32]);
+            let least_near = projection.near.constant.abs();
+            // `w` of points at twice the distance, as the window has them.
+            let w = 2.0 * least_near / DVec3::from(projection.near.linear).length()
+                * DVec3::from(projection.rows[2].linear).length();
+            let least_w = if is_narrow { 0.0 } else { w * random(0.1, 1.1) };
+            if !is_narrow {
+                let most = [w * random(0.0, 0.4), w * random(0.0, 0.4), w * random(0.0, 4e-3)];
+                projection.rows.iter_mut().zip(most).for_each(|(row, error)| row.error = error);
+                projection.near.error = least_near * random(0.0, 0.4);
+            }
+            let found = window(&projection, least_near, least_w);
+            counts[trial % 2][usize::from(found.is_some())] += 1;
+            let corners = [[-1.0, -1.0], [65.0, -1.0], [65.0, 33.0], [-1.0, 33.0]];
+            assert_eq!(projection.size, size, "size in pixels");
+            for (p, [column, line]) in found.into_iter().flatten().zip(corners) {
+                let value = |row: &ScreenRow, sign: f64| {
+                    let start = DoubleDouble::sum(row.constant, sign * row.error);
+                    let terms = row.linear.into_iter().zip(p.to_array());
+                    terms.fold(start, |sum, (a, b)| sum.plus(DoubleDouble::product(a, b)))
+                };
+                for signs in 0..16 {
+                    let sign = |i: i32| if signs >> i & 1 == 0 { 1.0 } else { -1.0 };
+                    let ([x, y, w, _], near) = (projection.rows, projection.near);
+                    let (x, y, w, near) =
+                        (value(&x, sign(0)), value(&y, sign(1)), value(&w, sign(2)), value(&near, sign(3)));
+                    let off = |of: DoubleDouble, at: f64| of.plus(w.times((-at).into())).hi.abs() / w.hi;
+                    let [beside, above] = [off(x, column), off(y, line)];
+                    let case = (trial, fov, beside, above);
+                    // The bound is half of the computed `w`, of which the exact one has nearly all.
+                    assert!(beside.max(above) <= 0.51, "{case:?}: pixels from the corner {column}, {line}");
+                    assert!(near.hi >= 1.5 * least_near, "{case:?}: {} beyond the near plane", near.hi);
+                    assert!(w.hi >= 2.0 * least_w, "{case:?}: w is {}", w.hi);
+                }
+            }
+        }
+        assert!(counts.iter().flatten().all(|&count| count > 500), "{counts:?} without and with a window");
+    }
+
+    /// Points in the picture move by no more pixels than the bound, in pictures beside the middle of the view
+    /// as well. The slack holds a vertex's error, the bend and 16 units of round-off.
+    #[test]
+    fn points_in_the_picture_move_within_the_bound() {
+        let corners = [Vec3::ZERO, Vec3::new(9.0, 9.0, 0.0), Vec3::new(9.0, 0.0, 9.0)];
+        let triangles = [LevelTriangle { corners, two_sided: true }];
+        let level = LevelOccluders::new(&triangles, LevelSettings::default()).unwrap();
+        let level = PreparedLevel::new(Arc::new(level), DVec3::ZERO);
+        let (mut random, mut most) = (random(82), [0.0f64; 2]);
+        for trial in 0..3_000 {
+            let size = [[64, 16], [16, 64]][trial % 2];
+            let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+            let [left, bottom] = [0; 2].map(|_| random(-3.0, 3.0));
+            let (width, height) = (random(0.05, 2.0), random(0.05, 2.0));
+            let window = Window { left, right: left + width, bottom, top: bottom + height };
+            let Ok(view) = View::perspective_off_center(pose, window, 0.1, 900.0) else { continue };
+            let Some(frame) = LevelFrame::new(&view, &level, size, size, Coverage::Conservative, 16.0) else {
+                continue;
+            };
+            let slack = f64::from(MAX_ERROR_PX) + MAX_BEND_PX + 16.0 * U32 * frame.guard;
+            assert!(f64::from(frame.slack) >= slack, "trial {trial}: the slack is {}", frame.slack);
+            let rows = frame.projection.rows.map(|row| DVec3::from(row.linear));
+            let [x, y, w, _] = rows;
+            for axis in 0..2 {
+                // A point at a side of the picture, and the direction in which it moves fastest.
+                let at = if random(0.0, 1.0) < 0.5 { 0.0 } else { frame.projection.size[axis] };
+                let row = [x, y][axis] - w * at;
+                let moved = row.length();
+                assert!(moved <= frame.pixels_per_metre, "trial {trial}, axis {axis}: {moved} pixels");
+                most[trial % 2] = most[trial % 2].max(moved / frame.pixels_per_metre);
+            }
+        }
+        assert!(most.iter().all(|&most| most > 0.7), "{most:?} of the bound");
+    }
 }

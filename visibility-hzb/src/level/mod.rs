@@ -77,6 +77,8 @@ mod edges;
 mod fill;
 mod frame;
 mod open_tiles;
+#[cfg(test)]
+mod outline_rule;
 mod prepared;
 mod seams;
 mod vertices;

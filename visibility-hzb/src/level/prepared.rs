@@ -244,3 +244,91 @@ fn middle_and_radius(level: &LevelOccluders, polygon: &OccluderPolygon) -> (Vec3
     let middle = Aabb::from_points(vertices()).center();
     (middle, vertices().map(|vertex| vertex.distance(middle)).fold(0.0, f32::max))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::random;
+    use visibility_occluders::{LevelSettings, LevelTriangle};
+
+    /// Returns the two triangles of a quadrilateral, the other way round if `turned`.
+    fn quad([a, b, c, d]: [[f32; 3]; 4], turned: bool, two_sided: bool) -> [LevelTriangle; 2] {
+        let order = if turned { [[a, c, b], [a, d, c]] } else { [[a, b, c], [a, c, d]] };
+        order.map(|corners| LevelTriangle { corners: corners.map(Vec3::from_array), two_sided })
+    }
+
+    fn prepared(triangles: &[LevelTriangle]) -> PreparedLevel {
+        let settings = LevelSettings::default().with_kept_area(1.0);
+        PreparedLevel::new(Arc::new(LevelOccluders::new(triangles, settings).unwrap()), DVec3::ZERO)
+    }
+
+    /// Walls that meet in an edge are partners if they face the same way and occlude from the same sides.
+    #[test]
+    fn partners_face_the_same_way() {
+        let floor = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [0.0, 4.0, 0.0]];
+        let wall = [[4.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 4.0], [4.0, 0.0, 4.0]];
+        for (case, (turned, sides, expected)) in [
+            (false, [false, false], 2),
+            (true, [false, false], 0),
+            (false, [true, true], 2),
+            (true, [true, true], 2),
+            (false, [true, false], 0),
+            (true, [false, true], 0),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let level = prepared(&[quad(floor, false, sides[0]), quad(wall, turned, sides[1])].concat());
+            assert_eq!(level.level.polygons().len(), 2, "polygons of case {case}");
+            let partners = level.edges.iter().filter(|edge| edge.partner != NO_EDGE).count();
+            assert_eq!(partners, expected, "edges with a partner in case {case}");
+        }
+    }
+
+    /// Partners have each other and the same ends, also where several walls meet. Groups of clusters, the
+    /// thickness and the reach hold all polygons.
+    #[test]
+    fn partners_are_pairs_and_groups_hold_their_clusters() {
+        let (mut random, mut partners, mut pairs) = (random(91), 0, 0);
+        for trial in 0..20 {
+            let mut triangles = Vec::new();
+            let mut corner = || [0; 3].map(|_| random(0.0, 3.0) as u32 as f32 * 4.0);
+            let fan = [corner(), corner()];
+            for i in 0..400 {
+                let [a, b, c] =
+                    if i % 2 == 0 { [fan[0], fan[1], corner()] } else { [corner(), corner(), corner()] };
+                let corners = [a, b, c].map(Vec3::from_array);
+                triangles.push(LevelTriangle { corners, two_sided: i % 3 == 0 });
+            }
+            let Ok(level) = LevelOccluders::new(&triangles, LevelSettings::default().with_kept_area(1.0))
+            else {
+                continue;
+            };
+            let level = PreparedLevel::new(Arc::new(level), DVec3::ZERO);
+            let place =
+                |edge: usize| level.level.edges()[edge].map(|vertex| level.level.vertices()[vertex as usize]);
+            for (index, edge) in level.edges.iter().enumerate().filter(|(_, edge)| edge.partner != NO_EDGE) {
+                let other = edge.partner as usize;
+                assert_eq!(level.edges[other].partner as usize, index, "trial {trial}: partner of {other}");
+                let ([a, b], ends) = (place(index), place(other));
+                assert!(ends == [a, b] || ends == [b, a], "trial {trial}: ends of {index} and {other}");
+                partners += 1;
+            }
+            pairs += level.level.polygons().len();
+            let clusters = level.level.clusters();
+            for (i, cluster) in clusters.iter().enumerate() {
+                let (group, lane) = (i / (WIDTH * WIDTH) / WIDTH, i / (WIDTH * WIDTH) % WIDTH);
+                let bounds = |axis: usize| level.groups[group][axis][lane];
+                let is_in = (0..3).all(|axis| {
+                    bounds(axis) <= cluster.bounds.min[axis] && cluster.bounds.max[axis] <= bounds(axis + 3)
+                });
+                assert!(is_in, "trial {trial}: cluster {i}");
+            }
+            let thickness = level.level.polygons().iter().map(|own| own.extent[1] - own.extent[0]);
+            assert_eq!(level.thickness, thickness.fold(0.0, f64::max), "trial {trial}: thickness");
+            let reach = level.level.vertices().iter().map(|own| own.as_dvec3().abs());
+            assert!(reach.fold(DVec3::ZERO, DVec3::max).cmple(level.reach).all(), "trial {trial}: reach");
+        }
+        assert!(partners > 500 && pairs > 1_000, "{partners} edges of {pairs} polygons have a partner");
+    }
+}

@@ -192,3 +192,28 @@ impl Piece {
         (right.first as usize, pixels)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two pieces share the tiles that both their windows of eight tiles have, at most all and at least none.
+    #[test]
+    fn pieces_share_the_tiles_of_both_windows() {
+        let piece = |first: u32, odd: u64| Piece {
+            first,
+            before: NO_PIECE,
+            polygon: 0,
+            alone: [u64::MAX; SIDE],
+            odd: [odd; SIDE],
+        };
+        for beside in 0..20 {
+            let (left, right) = (piece(100, u64::MAX), piece(100 + beside, 0));
+            let shared = if beside < 8 { u64::MAX >> (8 * beside) } else { 0 };
+            for (one, other) in [(&left, &right), (&right, &left)] {
+                let together = one.together(other);
+                assert_eq!(together, (100 + beside as usize, [shared; SIDE]), "windows {beside} tiles apart");
+            }
+        }
+    }
+}

@@ -105,4 +105,32 @@ mod tests {
         }
         assert!(plain > 1_000, "{plain} vertices are plain");
     }
+
+    /// The error of a cluster is the greatest of its vertices, in whatever lane, and its `w` the least.
+    #[test]
+    fn a_cluster_has_the_error_of_its_worst_vertex() {
+        let frame = crate::level::outline_rule::frame();
+        let mut positions: Vec<Vec3> = (0..40)
+            .map(|i| Vec3::new(3.0 + 0.2 * i as f32, 0.05 * i as f32 - 1.0, 0.01 * i as f32))
+            .collect();
+        let mut vertices = Vertices::default();
+        let own: Vec<(f32, f32)> = positions
+            .iter()
+            .map(|&position| {
+                vertices.project(&[position], &frame);
+                assert!(vertices.plain[0], "{position} is plain");
+                (vertices.error, vertices.least_w)
+            })
+            .collect();
+        let (error, w) = own
+            .iter()
+            .fold((0.0, f32::INFINITY), |(error, w): (f32, f32), own| (error.max(own.0), w.min(own.1)));
+        let differ = own.iter().filter(|own| own.0 < error).count();
+        assert!(differ > 20, "{differ} vertices have less than the greatest error");
+        for turn in 0..40 {
+            positions.rotate_left(1);
+            vertices.project(&positions, &frame);
+            assert_eq!((vertices.error, vertices.least_w), (error, w), "error and w after turn {turn}");
+        }
+    }
 }

@@ -295,7 +295,7 @@ impl<'a> ContourRaster<'a> {
     #[inline(always)]
     pub(crate) fn merge(self, tiles: &mut Tiles) {
         let [x0, x1, y0, y1] = self.used;
-        if x0 > x1 || y0 > y1 {
+        if x0 > x1 {
             return;
         }
         for row in y0..=y1 {
@@ -407,5 +407,220 @@ impl Sides {
             right = greatest(right, greatest(p, q));
         }
         [left, right]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::exact_outline::{
+        Spot, UNITS, along_borders, centre, coordinate, edges, in_pixels, is_near, meets, winding,
+    };
+    use crate::random::random;
+    use alloc::format;
+
+    /// Rounding that the slack of these tests allows for, in pixels, far below a unit.
+    const ROUNDING: f64 = 1e-9;
+
+    /// Returns a vertex at a spot.
+    fn vertex(spot: Spot) -> ScreenVertex {
+        let [x, y] = in_pixels(spot);
+        ScreenVertex { x, y, far: 1.0 }
+    }
+
+    /// A pixel is covered if and only if a contour winds round its centre and no edge of it comes within the
+    /// slack of the pixel. Vertices are exact, in a buffer of 5 by 3 tiles and around it, many of them at
+    /// whole and half pixels.
+    #[test]
+    fn pixels_are_covered_up_to_the_slack_from_a_contour() {
+        let (mut random, mut counts) = (random(21), [0; 2]);
+        for trial in 0..1_200 {
+            let tiles = &mut Tiles::new(40, 24);
+            let mut cells = ContourTiles::new(tiles);
+            cells.cells.iter_mut().for_each(|cell| cell.least = [1.0; 4]);
+            let marked = trial % 4 != 0;
+            let slack = if trial % 3 == 0 { 0 } else { random(0.0, 256.0) as i128 };
+            let reach = [4.0, 30.0, 400.0][random(0.0, 3.0) as usize];
+            let middle = [random(-10.0, 50.0), random(-10.0, 34.0)];
+            let polygon: [Spot; 4] = if trial % 5 < 2 {
+                along_borders(&mut random, [5, 3])
+            } else {
+                core::array::from_fn(|_| middle.map(|at| coordinate(&mut random, at - reach, at + reach)))
+            };
+            let mut raster = ContourRaster::new(&mut cells, 5, [40.0, 24.0], slack as f64 / 256.0 + ROUNDING);
+            for (i, [a, b]) in edges(&polygon).enumerate() {
+                // Either direction, with the multiplicity that belongs to it.
+                let (a, b, times) = if i % 2 == 0 { (a, b, 1) } else { (b, a, -1) };
+                raster.contour(&vertex(a), &vertex(b), times, marked);
+            }
+            raster.merge(tiles);
+            for (x, y) in (0..24).flat_map(|y| (0..40).map(move |x| (x, y))) {
+                let is_covered = tiles.pixel(x, y) > f32::NEG_INFINITY;
+                let at = centre([x, y]);
+                let near = |by: i128| {
+                    let [low, high] = [-by, by].map(|by| at.map(|v| v + by));
+                    edges(&polygon).any(|[a, b]| {
+                        if marked { is_near([a, b], [x, y], by) } else { meets(a, b, low, high) }
+                    })
+                };
+                let is_wound = winding(&polygon, at) != 0;
+                let (within, around) = if marked { (near(slack), near(slack + 1)) } else { (false, near(1)) };
+                let case = || format!("trial {trial}, pixel {x}, {y} of {polygon:?} with the slack {slack}");
+                assert!(!(is_covered && (within || !is_wound && !around)), "{} is covered", case());
+                assert!(is_covered || around || !is_wound, "{} is bare", case());
+                counts[usize::from(is_covered)] += 1;
+            }
+            let is_empty =
+                |cell: &ContourTile| cell.contour == 0 && cell.steps == EMPTY.steps && !cell.stepped;
+            assert!(cells.cells.iter().all(is_empty), "trial {trial}: tiles are left for the next mesh");
+        }
+        assert!(counts.iter().all(|&count| count > 100_000), "{counts:?} pixels are bare and covered");
+    }
+
+    /// Pixels are left out if and only if the zone of an edge comes within the slack of them. The hull of two
+    /// rectangles is the union of the rectangles between them.
+    #[test]
+    fn pixels_are_left_out_up_to_the_slack_from_a_zone() {
+        let (mut random, mut counts) = (random(22), [0; 2]);
+        for trial in 0..1_200 {
+            let mut cells = ContourTiles::new(&Tiles::new(40, 24));
+            let slack = random(0.0, 256.0) as i128 * i128::from(trial % 3 != 0);
+            let reach = [4.0, 30.0, 400.0][random(0.0, 3.0) as usize];
+            let ends: [[i128; 4]; 2] = core::array::from_fn(|_| {
+                let [x, y] = [[-10.0, 50.0], [-10.0, 34.0]].map(|[low, high]| {
+                    let at = random(low - reach, high + reach);
+                    let first = coordinate(&mut random, at, at + 1.0);
+                    [first, first + coordinate(&mut random, 0.0, 8.0)]
+                });
+                [x[0], x[1], y[0], y[1]]
+            });
+            let ends = if trial % 2 == 0 {
+                ends
+            } else {
+                // Sides of both rectangles near one border between tiles.
+                let [a, b, ..] = along_borders(&mut random, [5, 3]);
+                let by = [0; 2].map(|_| random(-2_000.0, 2_000.0) as i128);
+                [a, b].map(|[x, y]| [x.min(x + by[0]), x.max(x + by[0]), y.min(y + by[1]), y.max(y + by[1])])
+            };
+            let zone = EdgeZone { ends: ends.map(|end| end.map(|at| at as f64 / 256.0)) };
+            let mut raster = ContourRaster::new(&mut cells, 5, [40.0, 24.0], slack as f64 / 256.0 + ROUNDING);
+            raster.erode(&zone);
+            let [x0, x1, y0, y1] = raster.used;
+            for (x, y) in (0..24).flat_map(|y| (0..40).map(move |x| (x, y))) {
+                let cell = &cells.cells[y / SIDE * 5 + x / SIDE];
+                let is_left_out = cell.contour >> (y % SIDE * SIDE + x % SIDE) & 1 != 0;
+                // Each side of the rectangle at the share `t` of the way is linear in `t`. The rectangle
+                // meets the open square around the pixel where four such functions exceed 0.
+                let near = |by: i128| {
+                    let [low, high] = [-by, UNITS + by].map(|by| [x, y].map(|v| v as i128 * UNITS + by));
+                    let over = |end: &[i128; 4]| {
+                        [high[0] - end[0], end[1] - low[0], high[1] - end[2], end[3] - low[1]]
+                    };
+                    let [a, b] = [over(&ends[0]), over(&ends[1])];
+                    // Fractions: the greatest lower and the least upper limit of `t`.
+                    let (mut least, mut most, mut possible) = ([0, 1], [1, 1], true);
+                    for (a, b) in a.into_iter().zip(b) {
+                        possible &= a > 0 || b > 0;
+                        if a <= 0 && b > 0 && -a * least[1] >= least[0] * (b - a) {
+                            least = [-a, b - a];
+                        } else if b <= 0 && a > 0 && a * most[1] <= most[0] * (a - b) {
+                            most = [a, a - b];
+                        }
+                    }
+                    possible && least[0] * most[1] < most[0] * least[1]
+                };
+                let case = || format!("trial {trial}, pixel {x}, {y} at {ends:?} with the slack {slack}");
+                assert!(is_left_out || !near(slack), "{} stays", case());
+                assert!(!is_left_out || near(slack + 1), "{} is left out", case());
+                let is_in = (x0..=x1).contains(&(x / SIDE)) && (y0..=y1).contains(&(y / SIDE));
+                assert!(is_in || !is_left_out, "{} is in no tile of {x0}, {x1}, {y0}, {y1}", case());
+                counts[usize::from(is_left_out)] += 1;
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 30_000), "{counts:?} pixels stay and are left out");
+    }
+
+    /// Each quarter of a tile within the slack of a triangle, or of its part with four corners, and no other
+    /// quarter, is lowered to the least depth key of the plane in the quarter, or to the farthest corner's.
+    #[test]
+    fn quarters_within_the_slack_of_a_triangle_are_lowered() {
+        let (mut random, mut counts) = (random(23), [0; 2]);
+        for trial in 0..3_000 {
+            let mut cells = ContourTiles::new(&Tiles::new(40, 24));
+            let slack = random(0.0, 256.0) as i128 * i128::from(trial % 3 != 0);
+            let reach = [4.0, 30.0, 400.0][random(0.0, 3.0) as usize];
+            let middle = [random(-10.0, 50.0), random(-10.0, 34.0)];
+            let [p, q, r]: [Spot; 3] =
+                core::array::from_fn(|_| middle.map(|at| coordinate(&mut random, at - reach, at + reach)));
+            let polygon = [p, q, [q[0] + r[0] - p[0], q[1] + r[1] - p[1]], r];
+            let polygon = if trial % 2 == 0 { &polygon[..] } else { &[p, q, r] };
+            // Steep planes, planes that are nearly flat, and one that is exactly so.
+            let size = [0.1, 1e-4, 0.0][random(0.0, 3.0) as usize];
+            let [a, b, c] = [random(-size, size), random(-size, size), random(300.0, 600.0)];
+            let plane = |x: f64, y: f64| a * x + b * y + c;
+            let corners: Vec<ScreenVertex> = polygon
+                .iter()
+                .map(|&corner| {
+                    let corner = vertex(corner);
+                    ScreenVertex { far: lower(plane(corner.x, corner.y)), ..corner }
+                })
+                .collect();
+            let floor = corners.iter().fold(f32::INFINITY, |floor, corner| floor.min(corner.far));
+            let mut raster = ContourRaster::new(&mut cells, 5, [40.0, 24.0], slack as f64 / 256.0 + ROUNDING);
+            raster.lower_depth_keys(&corners, || [a, b, c]);
+            let extent = |axis: usize| {
+                let all = polygon.iter().map(|corner| corner[axis]);
+                let (low, high) = (all.clone().min().unwrap_or(0), all.max().unwrap_or(0));
+                (high + slack).min([40, 24][axis] * UNITS) - (low - slack).max(0)
+            };
+            // All quarters of the box around a triangle that is small in the buffer are lowered.
+            let is_small = extent(0).max(extent(1)) <= 16 * UNITS;
+            for (x, y) in (0..6).flat_map(|y| (0..10).map(move |x| (x, y))) {
+                let near = |by: i128| {
+                    let low = [x, y].map(|v| v as i128 * 4 * UNITS - by);
+                    let high = low.map(|v| v + 4 * UNITS + 2 * by);
+                    let middle = [0, 1].map(|axis| (low[axis] + high[axis]) / 2);
+                    edges(polygon).any(|[a, b]| meets(a, b, low, high)) || winding(polygon, middle) != 0
+                };
+                let key = cells.cells[y / 2 * 5 + x / 2].least[y % 2 * 2 + x % 2];
+                let case = || format!("trial {trial}, quarter {x}, {y} of {polygon:?}, slack {slack}: {key}");
+                let ends =
+                    [[x, y], [x + 1, y], [x, y + 1], [x + 1, y + 1]].map(|end| end.map(|v| v as f64 * 4.0));
+                let least = ends.iter().fold(f64::INFINITY, |least, end| least.min(plane(end[0], end[1])));
+                let limit = least.max(f64::from(floor));
+                assert!(!near(slack) || f64::from(key) <= limit, "{} is above {limit}", case());
+                if key < f32::INFINITY {
+                    assert!(is_small || near(slack + 1), "{} is lowered", case());
+                    // Corners that differ by a thousandth count as equally far.
+                    let is_close = f64::from(key) >= limit * 0.998 || is_small && key == floor;
+                    assert!(is_close, "{} is far below {limit}", case());
+                }
+                counts[usize::from(key < f32::INFINITY)] += 1;
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 15_000), "{counts:?} quarters are apart and lowered");
+    }
+
+    /// Where no triangle is known, a contour covers nothing: there is no bound on depth.
+    #[test]
+    fn contours_without_triangles_cover_nothing() {
+        let tiles = &mut Tiles::new(40, 24);
+        let mut cells = ContourTiles::new(tiles);
+        let mut raster = ContourRaster::new(&mut cells, 5, [40.0, 24.0], ROUNDING);
+        let corners =
+            [[-1, -1], [-1, 25], [41, 25], [41, -1]].map(|spot: Spot| vertex(spot.map(|v| v * UNITS)));
+        for i in 0..4 {
+            raster.contour(&corners[i], &corners[(i + 1) % 4], 1, true);
+        }
+        raster.lower_depth_keys(
+            &[[0, 0], [0, 4], [4, 0]].map(|spot: Spot| vertex(spot.map(|v| v * UNITS))),
+            || [0.0; 3],
+        );
+        raster.merge(tiles);
+        for (x, y) in (0..24).flat_map(|y| (0..40).map(move |x| (x, y))) {
+            // The triangle, widened for rounding, meets four quarters of the first tile.
+            let expected = if x < 8 && y < 8 { 1.0 } else { f32::NEG_INFINITY };
+            assert_eq!(tiles.pixel(x, y), expected, "pixel {x}, {y}");
+        }
     }
 }

@@ -94,12 +94,7 @@ const MAX_SHEET_TRIANGLES: usize = 256;
 /// Greatest number of sheets (groups of connected triangles) that are drawn one by one. A mesh with more
 /// sheets is drawn as one mesh: most of its sheets are small, and each would take time for all triangles and
 /// edges.
-const MAX_SHEETS: i8 = 8;
-
-/// Relative tolerance of the test whether a closed mesh is seen from outside: the signed areas of its
-/// triangles on the screen then cancel, so that their sum has at most this fraction of the sum of their
-/// magnitudes.
-const OUTSIDE_TOLERANCE: f64 = 1e-6;
+pub(super) const MAX_SHEETS: i8 = 8;
 
 /// Number of vertices that are processed together.
 const LANES: usize = 8;
@@ -107,10 +102,10 @@ const LANES: usize = 8;
 /// Bounds on three numbers of the vertices of one mesh and of the points where its edges are cut at the near
 /// plane: the error of their screen coordinates, in pixels; their depth keys; and their distance beyond the
 /// near plane.
-struct VertexBounds {
+pub(super) struct VertexBounds {
     /// Upper bound on the error, in pixels, of the screen coordinates of vertices and near-plane cuts that
     /// are drawn.
-    error: f64,
+    pub(super) error: f64,
     /// Upper bound on the depth keys (greater is nearer) of vertices and near-plane cuts that are drawn.
     greatest: f64,
     /// Least distance beyond the near plane over all vertices, in the unit of the near row of the
@@ -121,7 +116,7 @@ struct VertexBounds {
 impl VertexBounds {
     /// Start value: no error, no depth key and no near-plane distance yet. Each vertex of the mesh extends
     /// these bounds.
-    const NONE: Self = Self { error: 0.0, greatest: f64::NEG_INFINITY, nearest: f64::INFINITY };
+    pub(super) const NONE: Self = Self { error: 0.0, greatest: f64::NEG_INFINITY, nearest: f64::INFINITY };
 }
 
 /// Draws a mesh of any form into `tiles`: the pixels that its contour winds round and does not come near, at
@@ -248,7 +243,7 @@ pub(crate) fn draw_mesh(
 /// Multiplies the facings of drawn triangles, 1 or -1, by the numbers of their sheets (groups of connected
 /// triangles), from 1 on in the order of their first triangles. Returns the number of sheets. If there are
 /// more than [`MAX_SHEETS`], leaves the facings as they are and returns 1.
-fn number_sheets(mesh: &OccluderTriangles, facing: &mut [i8], earlier: &mut Vec<u32>) -> i8 {
+pub(super) fn number_sheets(mesh: &OccluderTriangles, facing: &mut [i8], earlier: &mut Vec<u32>) -> i8 {
     earlier.clear();
     earlier.extend(0..facing.len() as u32);
     let first = |earlier: &mut [u32], mut t: u32| {
@@ -378,7 +373,7 @@ pub(crate) fn project_corner([x, y, w, n]: [f64; 4], object: &ObjectProjection) 
 /// Returns the screen position of a corner, given by `x`, `y`, `w`, `n` and the distance beyond the near
 /// plane, and extends `vertex_bounds` (bounds on error and depth key) by the corner.
 #[inline(always)]
-fn on_screen(
+pub(super) fn on_screen(
     &[x, y, w, n, _]: &[f64; 5],
     object: &ObjectProjection,
     vertex_bounds: &mut VertexBounds,
@@ -396,7 +391,7 @@ fn on_screen(
 /// in pixels. Returns the mask of the sides to draw: bit 0 for fronts, bit 1 for backs.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
-fn choose(
+pub(super) fn choose(
     mesh: &OccluderTriangles,
     corners: &[[f64; 5]],
     screen: &[ScreenVertex],
@@ -415,7 +410,6 @@ fn choose(
         let open = (2 * mesh.edges.len()).saturating_sub(3 * mesh.triangles.len());
         let smallest =
             if open >= mesh.triangles.len().max(MIN_OPEN_EDGES) { MIN_OPEN_TRIANGLE_SIZE_PX } else { 0.0 };
-        let (mut sum, mut magnitude) = (0.0, 0.0);
         for t in mesh.triangles {
             let [a, b, c] = t.map(|i| &screen[i as usize]);
             let (bx, by, cx, cy) = (b.x - a.x, b.y - a.y, c.x - a.x, c.y - a.y);
@@ -425,13 +419,11 @@ fn choose(
             let turn = if area < -certain { back } else { 0 };
             let turn = if area > certain { 1 } else { turn };
             (fronts, backs) = (fronts | (turn > 0), backs | (turn < 0));
-            (sum, magnitude) = (sum + area, magnitude + area.abs());
             drawn.push(turn);
         }
-        // From outside, a closed mesh shows as much area of backs as of fronts, and all backs are behind
-        // fronts. So its backs need not be drawn.
-        let outside = open == 0 && sum.abs() <= OUTSIDE_TOLERANCE * magnitude;
-        return u8::from(fronts) | if backs && !outside { 2 } else { 0 };
+        // The eye is outside a closed mesh all of whose corners are beyond the near plane. From outside, all
+        // backs are behind fronts, so they need not be drawn.
+        return u8::from(fronts) | if backs && open > 0 { 2 } else { 0 };
     }
     let certain = object.determinant_error();
     for t in mesh.triangles {

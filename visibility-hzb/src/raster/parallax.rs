@@ -64,18 +64,18 @@ impl Parallax {
     }
 
     /// Returns where a point appears, given by its `x`, `y` and `w` from the middle of the ball and by bounds
-    /// on the errors of these. The ranges are unbounded for a point nearer than twice the radius.
+    /// on the errors of these. The ranges are unbounded for a point nearer to the middle's plane than the
+    /// square root of two times the radius, or that may be nearer than the eyes of the ball.
     ///
     /// From an eye at which the computed `x` and `w` are `X` and `W`, the exact ones appear at `(X + dx) / (W
     /// + dw)`. That is `(dx - v dw) / (W + dw)` beside `v = X / W`. The eye may be another than the middle,
-    /// and
-    /// `v` far from the place that the middle sees.
+    /// and `v` far from the place that the middle sees.
     pub(crate) fn places(&self, [x, y, w]: [f64; 3], [x_error, y_error, w_error]: [f64; 3]) -> Places {
         let [of_x, of_y, of_w] = self.gradients;
         let squared = self.radius * self.radius;
         let leading = w * w - squared * of_w.length_squared();
         let nearest = w - self.change_of_w - w_error;
-        if !(w > 0.0 && leading >= 0.5 * w * w && nearest > 0.0) {
+        if !(leading >= 0.5 * w * w && nearest > 0.0) {
             return [f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY];
         }
         let range = |value: f64, gradient: DVec3, error: f64| {
@@ -185,5 +185,53 @@ mod tests {
             }
         }
         assert!(bounded > 2_000 && beyond > 10_000, "{bounded} {beyond}: too few to show the errors");
+    }
+
+    /// Places of points without errors hold the columns and rows at which eyes of the ball see them, in
+    /// double-double arithmetic. Balls down to no radius leave no room beside the margin for rounding.
+    #[test]
+    fn points_appear_in_their_places_to_the_last_digit() {
+        use visibility_core::geometry::DoubleDouble;
+        let mut random = random(18);
+        let (pose, mut beside) = (Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 0);
+        let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, 100.0).unwrap();
+        let projection = ScreenProjection::new(&view, DVec3::ZERO, [640, 360], [640, 360]);
+        let exact = |row: DVec3, eye: DVec3, value: f64, error: f64| {
+            let terms = row.to_array().into_iter().zip(eye.to_array());
+            let sum = DoubleDouble::sum(value, error);
+            terms.fold(sum, |sum, (a, b)| sum.plus(DoubleDouble::product(-a, b)))
+        };
+        for trial in 0..10_000 {
+            let parallax = Parallax::new(&projection, [0.0, 1e-9, 1e-3, 0.5][trial % 4]);
+            let value = if trial % 3 == 0 { 0.0 } else { random(-1000.0, 1000.0) };
+            let (w, error) = (random(0.9, 2.0), if trial % 2 == 0 { random(0.0, 0.5) } else { 0.0 });
+            let [left, right, ..] = parallax.places([value, 0.0, w], [error, 0.0, 0.0]);
+            let [of_x, _, of_w] = parallax.gradients;
+            for (side, sign) in [(left, -1.0), (right, 1.0)] {
+                // The eye for which the point is farthest to this side, not farther away than the radius.
+                let eye = (of_x - of_w * side).normalize() * (-sign * parallax.radius * (1.0 - 2e-9));
+                let (x, w) = (exact(of_x, eye, value, sign * error), exact(of_w, eye, w, 0.0));
+                let over = x.plus(w.times((-side).into())).hi * sign;
+                assert!(over <= 0.0, "trial {trial}: {over} beyond {side}");
+                beside += u32::from(over > -1e-5);
+            }
+        }
+        assert!(beside > 10_000, "{beside} sides are close");
+    }
+
+    /// Places are bounded from the square root of two times the radius on, and not if the point may be as
+    /// near as an eye of the ball.
+    #[test]
+    fn points_that_may_be_too_near_appear_anywhere() {
+        let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 9.0);
+        let projection = ScreenProjection::new(&view.unwrap(), DVec3::ZERO, [64, 64], [64, 64]);
+        let parallax = Parallax::new(&projection, 1.0);
+        let w = parallax.gradients[2].length();
+        for (distance, error, bounded) in
+            [(1.41, 0.0, false), (1.42, 0.0, true), (2.0, 0.9, true), (2.0, 1.1, false), (-2.0, 0.0, false)]
+        {
+            let places = parallax.places([0.0, 0.0, distance * w], [0.0, 0.0, error * w]);
+            assert_eq!(places.map(f64::is_finite), [bounded; 4], "{distance} m away, {error} m off");
+        }
     }
 }

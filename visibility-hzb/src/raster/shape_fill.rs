@@ -275,4 +275,26 @@ mod tests {
             }
         }
     }
+
+    /// Shapes without columns or rows, also with ends in the wrong order, cover nothing; those that reach
+    /// beyond the buffer are cut off there.
+    #[test]
+    fn shapes_fill_their_rectangle_within_the_buffer() {
+        let (ends, mut filled) = ([0.0, 3.0, 8.0, 15.0, 24.0, 70.0], 0);
+        for case in 0..6usize.pow(4) {
+            let [left, right, top, bottom] = [1, 6, 36, 216].map(|divisor| ends[case / divisor % 6]);
+            let (mut shape, mut tiles) = (ScreenShape::default(), Tiles::new(24, 16));
+            shape.begin([left, right.min(24.0)], [top, bottom.min(16.0)], 1.0, 1.0);
+            let is_filled = fill_shape(&shape, &mut tiles);
+            let rectangle = [left, right, top, bottom];
+            for (x, y) in (0..16).flat_map(|y| (0..24).map(move |x| (x, y))) {
+                let [column, line] = [x, y].map(|at| at as f64);
+                let is_in = left <= column && column < right && top <= line && line < bottom;
+                assert_eq!(tiles.pixel(x, y) == 1.0, is_in, "pixel {x}, {y} of {rectangle:?}");
+                assert!(is_filled || !is_in, "{rectangle:?} has pixels");
+                filled += u32::from(is_in);
+            }
+        }
+        assert!(filled > 10_000, "{filled} pixels are filled");
+    }
 }

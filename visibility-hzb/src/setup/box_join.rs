@@ -292,4 +292,51 @@ mod tests {
         }
         assert!(joins > 5000, "{joins}");
     }
+
+    /// A box whose face has the hash of another box's face by chance does not abut that box.
+    #[test]
+    fn equal_hashes_are_no_equal_faces() {
+        let (at, mut join) = (
+            |bounds, transform, two_sided| OccluderBox { bounds, transform, two_sided, is_replaced: false },
+            BoxJoin::new(),
+        );
+        join.add(&cell(1, 1, 1), &Affine3A::IDENTITY, false);
+        let beside = at(cell(2, 1, 1), Affine3A::IDENTITY, false);
+        let hash = face_hashes(&beside)[0];
+        assert_eq!(join.abutting(&beside, 0, hash), Some(0), "a box that abuts");
+        let mut others: Vec<OccluderBox> = [(1, 0.5), (2, 0.5), (1, -0.5), (2, -0.5)]
+            .into_iter()
+            .flat_map(|(axis, by)| {
+                let (mut low, mut high) = (beside, beside);
+                low.bounds.min[axis] += by;
+                high.bounds.max[axis] += by;
+                [low, high]
+            })
+            .collect();
+        others.push(at(cell(3, 1, 1), Affine3A::IDENTITY, false));
+        others.push(at(beside.bounds, Affine3A::from_translation(Vec3::Y), false));
+        others.push(at(beside.bounds, Affine3A::IDENTITY, true));
+        for other in others {
+            assert_eq!(join.abutting(&other, 0, hash), None, "{other:?} with the hash of a box that abuts");
+        }
+    }
+
+    /// A shift is exact if neither term is lost in the sum, at either end of the box.
+    #[test]
+    fn shifts_that_are_rounded_are_none() {
+        for (min, max, shift, is_exact) in [
+            (0.5, 1.5, 2.0, true),
+            (0.0, 1e-20, 1.0, false),
+            (-1e-20, 0.0, 1.0, false),
+            (1.0, 2.0, 1e-20, false),
+            (1e-20, 2e-20, 1.0, false),
+        ] {
+            for axis in 0..3 {
+                let (mut bounds, mut by) = (cell(1, 1, 1), Vec3::ZERO);
+                (bounds.min[axis], bounds.max[axis], by[axis]) = (min, max, shift);
+                let moved = in_scene(&bounds, &Affine3A::from_translation(by));
+                assert_eq!(moved.is_some(), is_exact, "{min} to {max}, shifted by {shift} on axis {axis}");
+            }
+        }
+    }
 }

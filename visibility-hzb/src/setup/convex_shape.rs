@@ -238,3 +238,53 @@ fn outline(
     }
     ShapeResult::Ready
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::{Affine3A, DVec3, Vec3};
+    use visibility_core::{Pose, View, occlusion::Edge};
+
+    /// A flat mesh looks convex from its front, shows nothing of itself from behind, and a bent one that
+    /// opens towards the eye does not look convex.
+    #[test]
+    fn flat_meshes_look_convex_and_dents_do_not() {
+        let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 900.0);
+        let projection = ScreenProjection::new(&view.unwrap(), DVec3::ZERO, [64, 64], [64, 64]);
+        let object = projection.project_object(&Affine3A::IDENTITY, [10.0; 3]);
+        let side = |vertices: [u32; 2], left: u32| Edge { vertices, left, right: None };
+        let edges = [
+            side([0, 1], 0),
+            side([1, 2], 0),
+            Edge { vertices: [2, 0], left: 0, right: Some(1) },
+            side([2, 3], 1),
+            side([3, 0], 1),
+        ];
+        let result = |turned: bool, depth: f32, convex: bool| {
+            let order = if turned { [1.0, -1.0] } else { [-1.0, 1.0] };
+            let corners = [[order[0], -1.0], [order[1], -1.0], [order[1], 1.0], [order[0], 1.0]];
+            let mut positions = corners.map(|[y, z]| Vec3::new(8.0, y, z));
+            positions[1].x += depth;
+            let triangles = [[0, 1, 2], [0, 2, 3]];
+            let mesh = OccluderTriangles {
+                positions: &positions,
+                triangles: &triangles,
+                edges: &edges,
+                two_sided: false,
+            };
+            let (mut scratch, mut shape) = (ConvexScratch::default(), ScreenShape::default());
+            let (scratch, facing) = (&mut scratch, projection.facing);
+            let rule = Coverage::Conservative;
+            convex_shape(&mesh, &object, &projection, facing, rule, convex, scratch, &mut shape)
+        };
+        let front = [false, true].map(|turned| result(turned, 0.0, false) == ShapeResult::Ready);
+        assert!(front[0] != front[1], "a flat mesh is ready from one side: {front:?}");
+        let turned = front[1];
+        assert_eq!(result(!turned, 0.0, true), ShapeResult::Nothing, "the back of a convex mesh");
+        assert_eq!(result(!turned, 0.0, false), ShapeResult::DrawAsMesh, "the back of a flat mesh");
+        // The vertex that moves is one end of the diagonal's other side: away from the eye, the mesh bulges.
+        let bent = [-1.0, 1.0].map(|depth| result(turned, depth, false));
+        assert!(bent.contains(&ShapeResult::DrawAsMesh), "a dent: {bent:?}");
+        assert!(bent.contains(&ShapeResult::Ready), "a bulge: {bent:?}");
+    }
+}

@@ -91,4 +91,22 @@ mod tests {
             assert!(distance > 0.0, "trial {trial}: {distance} between {near} and {far}");
         }
     }
+
+    /// A corner at the limit counts as nearer: the clipped triangle begins and ends at it.
+    #[test]
+    fn a_corner_at_the_limit_is_cut_off() {
+        let corner = |at: f64, near: f64| [at, 0.0, 1.0, 1.0, near];
+        let corners = [corner(0.0, 5.0), corner(1.0, 6.0), corner(2.0, 7.0)];
+        for first in 0..3 {
+            let [a, b, c] = [0, 1, 2].map(|i| corners[(first + i) % 3]);
+            let clipped = clip_triangle([&a, &b, &c], 5.0);
+            assert_eq!(clipped.count, 4, "corners of a triangle that begins with {a:?}");
+            let at_limit = clipped.corners.iter().filter(|corner| corner[4] == 5.0).count();
+            assert_eq!(at_limit, 2, "both ends of the cut of a triangle that begins with {a:?}");
+            assert_eq!(clipped.edge, Some([corners[0]; 2]), "the cut of a triangle that begins with {a:?}");
+        }
+        let nearer = [corner(0.0, 5.0), corner(1.0, 4.0), corner(2.0, 3.0)];
+        let clipped = clip_triangle(nearer.each_ref(), 5.0);
+        assert_eq!((clipped.count, clipped.edge), (0, None), "a triangle that touches the limit");
+    }
 }

@@ -235,3 +235,52 @@ pub(crate) enum ShapeResult {
     /// look convex. It must be drawn as a mesh.
     DrawAsMesh,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::random;
+    use visibility_core::geometry::DoubleDouble;
+
+    /// Returns the whole buffer, 64 pixels wide and high, with one half-plane added.
+    fn shape(half_plane: [f64; 3]) -> ScreenShape {
+        let mut shape = ScreenShape::default();
+        shape.begin([0.0, 64.0], [0.0, 64.0], 1.0, 2.0);
+        assert!(shape.add_edge(half_plane, [64.0; 2], Coverage::Conservative), "{half_plane:?} is added");
+        shape
+    }
+
+    /// A half-plane without direction is everything or nothing. A bound that overflows leaves no pixel.
+    #[test]
+    fn half_planes_without_an_edge_cover_all_or_nothing() {
+        for (c, lines) in [(0.0, [0, 64]), (1.0, [0, 64]), (-1e-9, [0, 0]), (f64::NAN, [0, 0])] {
+            assert_eq!(shape([0.0, 0.0, c]).lines, lines, "0 x + 0 y + {c}");
+        }
+        let right = shape([-1e-30, 0.0, 1e30]);
+        assert_eq!((right.rights, right.right[0].offset), (1, f32::NEG_INFINITY), "a bound on the right");
+        let left = shape([1e-30, 0.0, 1e30]);
+        assert_eq!((left.lefts, left.left[0].offset), (1, f32::INFINITY), "a bound on the left");
+    }
+
+    /// A horizontal edge within rounding of the border between two rows leaves out the row that it enters.
+    #[test]
+    fn rows_are_within_horizontal_edges_to_the_last_digit() {
+        let (mut random, mut beside) = (random(71), 0);
+        for trial in 0..20_000 {
+            let (b, row) = (random(-2.0, 2.0), random(1.0, 63.0) as usize);
+            let mut c = -b * row as f64;
+            for _ in 0..random(0.0, 3.0) as usize {
+                c = if trial % 2 == 0 { c.next_up() } else { c.next_down() };
+            }
+            let [first, end] = shape([0.0, b, c]).lines;
+            // Sign of the function at the border: below 0, the border is left out.
+            let at = DoubleDouble::product(b, row as f64).plus(c.into()).hi;
+            let is_covered = if b > 0.0 { first <= row } else { end >= row };
+            assert!(!is_covered || at >= 0.0, "trial {trial}: {at} at row {row} of {b} y + {c}");
+            let around = if b > 0.0 { [first, row + 1] } else { [row - 1, end] };
+            assert!(around[0] <= around[1], "trial {trial}: {first}..{end} of {b} y + {c} at {row}");
+            beside += u32::from(at < 0.0);
+        }
+        assert!(beside > 5_000, "{beside} borders are outside");
+    }
+}
