@@ -162,9 +162,9 @@ impl PortalView {
         normal: DVec3,
         error: f64,
     ) -> Option<[WindowPlane; 2]> {
-        // A line of sight begins at an eye `e`, no farther from the anchor than `r`, the error of the eye plus
-        // the radius of the ball. The line has the direction `p + d`, where `p` is a point of the polygon
-        // that the corners span, and `d` at most `s`, `error` plus the radius, long. If `s < |p|`, the sine
+        // A line of sight begins at an eye `e`, no farther from the anchor than `r`, the error of the eye
+        // plus the radius of the ball. The line has the direction `p + d`, where `p` is a point of the
+        // polygon that the corners span, and `d` at most `s`, `error` plus the radius, long. If `s < |p|`, the sine
         // of the angle between the line and `p` is at most `s / |p|`; that of the angle between `p` and the
         // plane is `|n . p| / |p|`. The sine of a sum of angles is at most the sum of their sines, so the
         // line rises by at most `(|n . p| + s) / |p|` of its length. This is at most `slope`, since no corner
