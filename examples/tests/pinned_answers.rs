@@ -1,7 +1,6 @@
-//! Test that the answers of every culler at each setting on every built-in scene equal a stored table, with each
-//! instruction set of the processor and on 1 to 8 threads: neither these nor refactoring may change an answer.
-//! `PINNED_ANSWERS=write cargo test -p visibility-examples
-//! pinned_answers` rewrites the table.
+//! Test that the answers of every culler at each setting on every built-in scene equal a stored table, with
+//! each instruction set of the processor and on 1 to 8 threads: neither these nor refactoring may change an
+//! answer. `PINNED_ANSWERS=write cargo test -p visibility-examples pinned_answers` rewrites the table.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -35,8 +34,8 @@ impl Hash {
 }
 
 /// Culls all frames of a world, on the threads of a job system if one is given, and returns a line of the
-/// table: the scene, the culler, the number of reported objects over all frames, the hash of the sorted visible
-/// sets, and the hash of the sets in the order of iteration.
+/// table: the scene, the culler, the number of reported objects over all frames, the hash of the sorted
+/// visible sets, and the hash of the sets in the order of iteration.
 fn line(scene: &str, culler: &str, mut pipeline: Pipeline, world: &World, jobs: Option<&dyn Jobs>) -> String {
     let mut visible = VisibleSet::new();
     let (mut count, mut sets, mut orders) = (0, Hash::EMPTY, Hash::EMPTY);
@@ -55,9 +54,9 @@ fn line(scene: &str, culler: &str, mut pipeline: Pipeline, world: &World, jobs: 
     format!("{scene} {culler} {count} {:016x} {:016x}", sets.0, orders.0)
 }
 
-/// Returns the lines of a scene: a line for each culler with `world.simd`, or that the culler does not suit the
-/// scene, and the lines of the cullers that programs do not know by name. These cull `one_sided`, the same scene
-/// with one-sided objects.
+/// Returns the lines of a scene: a line for each culler with `world.simd`, or that the culler does not suit
+/// the scene, and the lines of the cullers that programs do not know by name. These cull `one_sided`, the same
+/// scene with one-sided objects.
 fn lines(scene: &str, world: &World, one_sided: &World, jobs: Option<&dyn Jobs>) -> String {
     let mut lines = String::new();
     for entry in entries() {
