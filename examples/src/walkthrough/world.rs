@@ -10,7 +10,8 @@ use std::borrow::Cow;
 use std::sync::OnceLock;
 use std::time::Instant;
 use visibility_core::{
-    ObjectId, Pose, Scene, View, cells::CellId, occlusion::Preparation, pvs::Viewcells, view::ViewError,
+    ObjectId, Pose, Scene, View, cells::CellId, occlusion::Preparation, pvs::Viewcells, simd::Simd,
+    view::ViewError,
 };
 use visibility_measure::{DrawnObject, SampledVisibility};
 
@@ -28,6 +29,9 @@ pub struct World {
     pub size: (u32, u32),
     /// Cache of the data that cullers precompute from the world.
     pub prepared: Prepared,
+    /// Instruction set that cullers made for the world use, for tests: answers are the same with all. The
+    /// widest of the processor for a new world.
+    pub simd: Simd,
     /// Whether [`cells`](Self::cells) makes cells from the opaque triangles if the scene has none. False for
     /// a new world.
     pub makes_cells: bool,
@@ -92,7 +96,9 @@ impl World {
         // occluders are two-sided.
         scene.prepare_occluders(&Preparation::default().with_two_sided(true));
         let (prepared, made_cells) = (Prepared::default(), OnceLock::new());
-        Self { source, scene, views, poses, size, prepared, makes_cells: false, is_quiet: false, made_cells }
+        let simd = Simd::best();
+        let (makes_cells, is_quiet) = (false, false);
+        Self { source, scene, views, poses, size, prepared, simd, makes_cells, is_quiet, made_cells }
     }
 
     /// Returns the objects in the form that the item buffer takes, by ascending index, which is their key.

@@ -14,6 +14,6 @@ pub(super) const KNOWN: &[Known] = &[Known {
             let number = dial.strip_suffix("px").and_then(|number| number.parse().ok());
             number.filter(|number: &f64| *number > 0.0 && number.is_finite()).ok_or_else(|| refused(dial))
         })?;
-        Ok(Box::new(ContributionCuller::new(world.size.1.into(), pixels)))
+        Ok(Box::new(ContributionCuller::new(world.size.1.into(), pixels).with_simd(world.simd)))
     },
 }];

@@ -89,7 +89,7 @@ pub fn parse(list: &str, world: &World) -> Result<Vec<(String, Pipeline)>, Culle
 /// Makes the pipeline of one entry such as `a+b:10%`, without spaces around cullers. It begins with the
 /// frustum culler. Returns an error for the first stage that is unknown or does not suit the world.
 fn pipeline(entry: &str, world: &World) -> Result<Pipeline, CullerError> {
-    let mut pipeline = Pipeline::new().with(FrustumCuller::new());
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new().with_simd(world.simd));
     for stage in entry.split('+').filter(|&stage| stage != "frustum") {
         let (name, dial) = stage.split_once(':').map_or((stage, None), |(name, dial)| (name, Some(dial)));
         let known = known()

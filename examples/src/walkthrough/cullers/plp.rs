@@ -37,7 +37,7 @@ pub(super) const KNOWN: &[Known] = &[
             // With 1 %, the culler needs a tenth of the tests of the front-to-back order, for hardly more
             // triangles, as `plp --conservative` shows.
             let budget = budget(dial.or(Some("1%")), world)?;
-            let map = Hzb::new(512, 288).map_err(|error| error.to_string())?;
+            let map = Hzb::new(512, 288).map_err(|error| error.to_string())?.with_simd(world.simd);
             Ok(Box::new(ConservativePlpCuller::new(octree_of(world)?, budget, map)))
         },
     },
