@@ -7,9 +7,9 @@ use std::process::{Command, Output};
 /// Files that every package must contain.
 const REQUIRED: [&str; 4] = ["LICENSE-APACHE", "LICENSE-MIT", "README.md", "src/lib.rs"];
 
-/// Creates the packages of all published crates without building them. Prints the crates in the order in which
-/// they can be published, each warning and each missing file, and returns the number of warnings and missing
-/// files.
+/// Creates the packages of all published crates without building them. Prints the crates in the order in
+/// which they can be published, each warning and each missing file, and returns the number of warnings and
+/// missing files.
 ///
 /// # Errors
 ///
