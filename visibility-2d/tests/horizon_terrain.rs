@@ -6,7 +6,7 @@ use visibility_2d::horizon::{HorizonCuller, HorizonOccluders, UpAxis};
 use visibility_core::glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 use visibility_core::scene::Triangle;
 use visibility_core::{Aabb, Culler, Object, ObjectId, OccluderMesh, Pose, Scene, View, VisibleSet};
-use visibility_testing::{Random, judged};
+use visibility_testing::{Random, judged, told_enough};
 
 /// Side of a quadrilateral of the ground, in metres.
 const STEP: f32 = 2.0;
@@ -348,5 +348,5 @@ fn run(rounds: usize, seed: u64) -> [u64; 2] {
 fn what_the_ground_hides_no_ray_reaches() {
     let [hidden, rays] = run(1_000, 1);
     judged(rays);
-    assert!(hidden > 400 && rays > 5_000, "{hidden} boxes, {rays} rays are no test");
+    told_enough(hidden > 400 && rays > 5_000, format_args!("{hidden} boxes, {rays} rays are no test"));
 }

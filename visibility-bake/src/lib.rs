@@ -43,8 +43,11 @@ mod sandwich_baker;
 mod sandwich_outcome;
 mod scratch_file;
 mod search;
+#[cfg(feature = "serde")]
+mod serde_records;
 mod settings;
 mod shard;
+mod spans;
 mod tile_tree;
 mod tiled_scene;
 mod time_plan;

@@ -28,9 +28,9 @@ const MAX_VIEWCELLS: usize = Grid::LIMIT;
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[must_use]
 pub struct ViewcellBudget {
-    cost: u64,
-    least: DVec3,
-    agreement: f64,
+    pub(crate) cost: u64,
+    pub(crate) least: DVec3,
+    pub(crate) agreement: f64,
 }
 
 impl ViewcellBudget {

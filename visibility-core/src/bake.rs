@@ -47,6 +47,7 @@
 //! ```
 
 use crate::binary_format::{Format, FormatError, Reader, Writer};
+use crate::spans::{self, Span};
 use alloc::vec::Vec;
 use core::cmp::Reverse;
 
@@ -194,7 +195,8 @@ impl<B: Baker> Bake<B> {
             return None;
         }
         let round = self.next_round();
-        let found = work_on_all(&self.baker, &round, &pause, &stop);
+        let span = spans::round(round.len());
+        let found = span.within(|| work_on_all(&self.baker, &round, &span, &pause, &stop));
         for (&item, found) in round.iter().zip(found) {
             match found {
                 Some(found) => self.steps = self.steps.saturating_add(self.baker.take_in(item, found)),
@@ -204,6 +206,7 @@ impl<B: Baker> Bake<B> {
                 }
             }
         }
+        span.record_round(self.progress());
         Some(self.progress())
     }
 
@@ -297,11 +300,15 @@ impl<B: Baker> Bake<B> {
 fn work_on_all<B: Baker>(
     baker: &B,
     round: &[u32],
+    span: &Span,
     pause: &impl Fn() -> bool,
     stop: &impl Fn() -> bool,
 ) -> Vec<Option<B::Found>> {
     let mut scratch = B::Scratch::default();
-    let mut work = |&item| if stop() || pause() { None } else { baker.work(item, &mut scratch, stop) };
+    let mut work = |&item| {
+        let begins = !(stop() || pause());
+        begins.then(|| span.item(item, || baker.work(item, &mut scratch, stop))).flatten()
+    };
     round.iter().map(&mut work).collect()
 }
 
@@ -313,6 +320,7 @@ fn work_on_all<B: Baker>(
 fn work_on_all<B: Baker>(
     baker: &B,
     round: &[u32],
+    span: &Span,
     pause: &(impl Fn() -> bool + Sync),
     stop: &(impl Fn() -> bool + Sync),
 ) -> Vec<Option<B::Found>> {
@@ -324,7 +332,8 @@ fn work_on_all<B: Baker>(
         while !stop() && !pause() {
             let next = round.len().checked_sub(1 + taken.fetch_add(1, Ordering::Relaxed));
             let Some(place) = next else { break };
-            found.extend(baker.work(round[place], &mut scratch, stop).map(|found| (place, found)));
+            let of_item = span.item(round[place], || baker.work(round[place], &mut scratch, stop));
+            found.extend(of_item.map(|found| (place, found)));
         }
         found
     };

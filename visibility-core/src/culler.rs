@@ -212,6 +212,21 @@ pub trait Culler {
         false
     }
 
+    /// Returns whether the culler hides objects behind always drawn objects without asking whether these are in
+    /// the set: behind a level, or by sets or cells made beforehand. If another culler of a
+    /// [`Pipeline`](crate::Pipeline) [follows sizes](Self::follows_sizes), in whatever order, objects are
+    /// hidden behind others that are not drawn, and the pipeline reports it as a lack. False by default. A
+    /// culler that wraps another must return the answer of the wrapped culler.
+    fn hides_behind_undrawn(&self) -> bool {
+        false
+    }
+
+    /// Returns whether the culler, with its present settings, removes objects because they are small in the
+    /// picture. False by default. A culler that wraps another must return the answer of the wrapped culler.
+    fn follows_sizes(&self) -> bool {
+        false
+    }
+
     /// Discards all state from earlier frames, as if the culler were new. Never needed for correct results:
     /// camera cuts and other scenes are safe without a reset. The default implementation does nothing, for
     /// cullers that keep no such state.

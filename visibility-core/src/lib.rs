@@ -35,6 +35,16 @@
 //! # Features
 //! Feature `std` (default) chooses SIMD at run time. Without it, `libm` is needed for a few elementary
 //! functions. Feature `bytemuck` makes [`Aabb`] and [`ObjectId`] `Pod`, and glam's vectors and matrices too.
+//! None of the next three needs `std`.
+//!
+//! - `serde`: ids, boxes, [`Object`], [`View`] and settings are `Serialize` and `Deserialize`, and glam's
+//!   types too. What is read passes the checks of the constructors. An improper box is refused, also when
+//!   written. Ids keep their generation, which another run of the program does not know.
+//! - `mint`: types of `mint` where arrays are taken: clip matrices ([`view::ClipMatrix`]), transforms
+//!   ([`scene::ToAffine`]), boxes.
+//! - `tracing`: a span `cull` for each frame, in it a span `stage` for each culler, a span `bake_round` for
+//!   each round of a [`bake`] and in it a span `bake_item` for each item. Their fields are the counters
+//!   [`CullStats`] and [`bake::Progress`]. Level `DEBUG`, target `visibility`.
 #![no_std]
 #![warn(missing_debug_implementations)]
 extern crate alloc;
@@ -56,14 +66,19 @@ pub mod geometry;
 pub mod jobs;
 mod kept_answer;
 pub mod level_version;
+#[cfg(feature = "mint")]
+mod mint_conversions;
 pub mod occlusion;
 pub mod pipeline;
 pub mod pvs;
 pub mod random;
 mod region_culler;
 pub mod scene;
+#[cfg(feature = "serde")]
+mod serde_records;
 mod serial;
 pub mod simd;
+mod spans;
 pub mod stamp;
 mod test_plane;
 pub mod union_find;

@@ -1,6 +1,7 @@
 //! Runs the cullers of one view in sequence, with tools that show which culler removed an object.
 
 use crate::kept_answer::KeptAnswer;
+use crate::spans;
 use crate::view::{Reach, ViewRegion};
 use crate::{Accuracy, CullStats, Culler, ObjectId, Scene, View, VisibleSet, culler::Lack, jobs::Jobs};
 use alloc::{boxed::Box, vec::Vec};
@@ -255,11 +256,14 @@ impl Pipeline {
         }
         let mut sum = CullStats::default();
         for (place, (culler, stats)) in self.stages.iter_mut().enumerate() {
-            *stats = match (region, jobs) {
-                (Some(region), _) => culler.cull_region(jobs, scene, region, visible)?,
-                (None, Some(jobs)) => culler.cull_on(jobs, scene, view, visible),
-                (None, None) => culler.cull(scene, view, visible),
-            };
+            let span = spans::stage(culler.name());
+            let answer = span.within(|| match (region, jobs) {
+                (Some(region), _) => culler.cull_region(jobs, scene, region, visible),
+                (None, Some(jobs)) => Some(culler.cull_on(jobs, scene, view, visible)),
+                (None, None) => Some(culler.cull(scene, view, visible)),
+            });
+            *stats = answer?;
+            span.record_stage(stats);
             sum += *stats;
             if let Some(removals) = &mut self.removals {
                 removals.after_stage(place, scene, visible);
@@ -268,9 +272,23 @@ impl Pipeline {
         Some(sum)
     }
 
+    /// Runs a frame as [`answer`](Self::answer) does, within its span.
+    fn run(
+        &mut self,
+        jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        view: &View,
+        visible: &mut VisibleSet,
+    ) -> CullStats {
+        let span = spans::frame();
+        let sum = span.within(|| self.answer(jobs, scene, view, visible));
+        span.record_frame(self.is_kept(), sum.visible);
+        sum
+    }
+
     /// Fills `visible`, lets each stage cull and finishes `visible`, unless the answer of an earlier frame is
     /// kept. Returns the sum of the counters.
-    fn run(
+    fn answer(
         &mut self,
         jobs: Option<&dyn Jobs>,
         scene: &Scene,
@@ -320,8 +338,10 @@ impl Pipeline {
     /// problems that no stage can solve: objects that are never culled only because their bounds are NaN or
     /// inverted, and objects with draw ranges if no stage follows draw ranges. Also names each stage that
     /// [hides objects behind others](Culler::hides_behind_objects) before a later stage removes some of these
-    /// by draw range or size: what is hidden behind them is then missing. Does not call `each` if nothing is
-    /// lacking.
+    /// by draw range or size: what is hidden behind them is then missing. Where a stage removes [small
+    /// objects](Culler::follows_sizes), names each stage that hides behind always drawn objects [whether or
+    /// not they are in the set](Culler::hides_behind_undrawn): behind many small ones, such as the panels of
+    /// a distant tower, objects are missing. Does not call `each` if nothing is lacking.
     ///
     /// Takes up to a millisecond, and time in proportion to the number of objects that are never culled. For
     /// overlays and logs, once in a while rather than every frame.
@@ -340,6 +360,12 @@ impl Pipeline {
             let what =
                 "occluders that hide others before a later stage may remove them by draw range or size";
             each(culler.name(), Lack { what, count });
+        }
+        let is_sized = !scene.is_empty() && self.stages.iter().any(|(culler, _)| culler.follows_sizes());
+        for (culler, _) in self.stages.iter().filter(|(culler, _)| is_sized && culler.hides_behind_undrawn())
+        {
+            let what = "objects that may be hidden behind others that a stage removes as too small";
+            each(culler.name(), Lack { what, count: scene.len() });
         }
         let count = scene.draw_range_count();
         if count > 0 && !self.stages.iter().any(|(culler, _)| culler.follows_draw_ranges()) {

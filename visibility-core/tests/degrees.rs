@@ -188,6 +188,6 @@ fn what_is_in_the_place_is_loaded_first() {
     sets.set_degrees(degrees).unwrap();
     let place = [DVec3::new(-6.0, 0.0, 0.0), DVec3::new(-5.0, 1.0, 1.0)];
     let mut residency = Residency::new(1000);
-    residency.update(&scene, &mut PvsCuller::new(&sets), &[place], |_| 10, 1000);
+    residency.update(&scene, &mut PvsCuller::new(&sets), &[u32::MAX], &[place], |_| 10, 1000);
     assert_eq!(residency.loads()[0].object, cup, "{:?}", residency.loads());
 }

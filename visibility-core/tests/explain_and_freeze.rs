@@ -268,3 +268,57 @@ fn only_the_owner_of_a_map_asks_its_device() {
     assert_eq!(map.device_mut().0, 1, "queries that the device was asked");
     assert_eq!(map.test(&cube(10.0, 0.0)), Occlusion::Visible, "the query is pending");
 }
+
+/// A culler that removes objects by size if it is told to.
+struct BySize(bool);
+
+impl Culler for BySize {
+    fn name(&self) -> &str {
+        "by size"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Approximate
+    }
+
+    fn follows_sizes(&self) -> bool {
+        self.0
+    }
+
+    fn cull(&mut self, scene: &Scene, _: &View, visible: &mut VisibleSet) -> CullStats {
+        visible.retain(scene, |_, _| true)
+    }
+}
+
+/// Tests that a pipeline says which stage hides behind objects that another stage removes as too small, in
+/// either order.
+#[test]
+fn a_pipeline_reports_stages_that_hide_behind_what_is_too_small() {
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch([cube(10.0, 0.0), cube(20.0, 0.0)]);
+    let pvs = Pvs::new(PvsTargets::Objects, 1, &[[0; 0]], |_| []).unwrap();
+    let cell = Viewcell::from_box(DVec3::splat(-1.0), DVec3::ONE);
+    let shared = std::sync::Arc::new(ScenePvs::new(&scene, pvs, Viewcells::new([cell]), [(ids[1], 0)]));
+    let lacks = |scene: &Scene, cullers: Vec<Box<dyn Culler + Send + Sync>>| {
+        let mut pipeline = Pipeline::new();
+        cullers.into_iter().for_each(|culler| pipeline.push(culler));
+        let mut lacks = Vec::new();
+        pipeline.for_each_lack(scene, |stage, lack| lacks.push(format!("{stage}: {lack}")));
+        lacks
+    };
+    let baked = || -> Box<dyn Culler + Send + Sync> { Box::new(PvsCuller::new(shared.clone())) };
+    let by_size = |follows| -> Box<dyn Culler + Send + Sync> { Box::new(BySize(follows)) };
+    let lack =
+        ["pvs: objects that may be hidden behind others that a stage removes as too small: 2".to_owned()];
+    assert_eq!(lacks(&scene, vec![by_size(true), baked()]), lack, "sizes first");
+    assert_eq!(lacks(&scene, vec![baked(), by_size(true)]), lack, "sizes last");
+    for (what, cullers) in [
+        ("no object is too small", vec![by_size(false), baked()]),
+        ("no stage for sizes", vec![baked()]),
+        ("no stage that hides", vec![by_size(true), Box::new(FrustumCuller::new())]),
+    ] {
+        assert!(lacks(&scene, cullers).is_empty(), "{what}");
+    }
+    let shut = lacks(&Scene::new(), vec![by_size(true), baked()]);
+    assert!(shut.iter().all(|line| !line.contains("too small")), "an empty scene: {shut:?}");
+}

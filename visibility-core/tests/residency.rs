@@ -16,13 +16,16 @@ use visibility_testing::Random;
 struct Given(BTreeMap<i64, Vec<ObjectId>>);
 
 impl HiddenSets for Given {
-    fn write_hidden(&mut self, scene: &Scene, min: DVec3, _: DVec3, hidden: &mut Bits) -> bool {
+    fn write_hidden(&mut self, scene: &Scene, _: &[u32], min: DVec3, _: DVec3, hidden: &mut Bits) -> bool {
         let Some(ids) = self.0.get(&(min.x as i64)) else { return false };
         hidden.reset(scene.index_limit());
         ids.iter().for_each(|id| _ = hidden.insert(id.index()));
         true
     }
 }
+
+/// Layers of one view, which shows all.
+const ALL: [u32; 1] = [u32::MAX];
 
 fn place(x: f64) -> [DVec3; 2] {
     [DVec3::X * x, DVec3::X * x + 0.5]
@@ -66,7 +69,7 @@ fn random_updates_keep_to_budget_and_limit_and_never_drop_what_may_be_visible() 
             let places: Vec<_> = (0..1 + random.below(4)).map(|x| place(x as f64)).collect();
             let budget = random.below(120) as u64;
             granted += budget;
-            residency.update(&scene, &mut sets, &places, |id| sizes[id.index()], budget);
+            residency.update(&scene, &mut sets, &ALL, &places, |id| sizes[id.index()], budget);
             let case = format!("round {round}, update {update}");
             let visible = |id: ObjectId| sets.0.get(&0).is_none_or(|hidden| !hidden.contains(&id));
             for drop in residency.drops() {
@@ -108,7 +111,7 @@ fn loads_come_by_place_and_then_by_importance() {
     sets.0.insert(1, vec![ids[0], ids[3], ids[4], ids[5], behind]);
     let mut residency = Residency::new(100);
     let mut update = |budget| {
-        residency.update(&scene, &mut sets, &[place(0.0), place(1.0)], |_| 10, budget);
+        residency.update(&scene, &mut sets, &ALL, &[place(0.0), place(1.0)], |_| 10, budget);
         (objects(residency.loads()), residency.is_complete())
     };
     assert_eq!(update(0), (vec![], false), "no budget");
@@ -125,38 +128,38 @@ fn what_is_hidden_from_all_places_is_dropped_first_and_what_may_be_visible_never
     let mut sets = Given::default();
     sets.0.insert(0, vec![]);
     let mut residency = Residency::new(40);
-    residency.update(&scene, &mut sets, &[place(0.0)], |_| 10, 1000);
+    residency.update(&scene, &mut sets, &ALL, &[place(0.0)], |_| 10, 1000);
     assert_eq!(objects(residency.loads()), ids[..4], "as many as there is room for");
     assert!(residency.drops().is_empty() && !residency.is_complete(), "all may be visible");
     // Now only 4, 5 and 6 are seen; 3 will be.
     sets.0.insert(0, ids[..4].to_vec());
     sets.0.insert(1, [&ids[..3], &ids[4..]].concat());
     let places = [place(0.0), place(1.0)];
-    residency.update(&scene, &mut sets, &places, |_| 10, 20);
+    residency.update(&scene, &mut sets, &ALL, &places, |_| 10, 20);
     assert_eq!(objects(residency.loads()), [ids[4], ids[5]], "as many as the budget allows");
     assert_eq!(objects(residency.drops()), [ids[2], ids[1]], "the least important of what is not needed");
     // Not known yet what is seen from the first place: anything may be.
     let now = sets.0.remove(&0);
-    residency.update(&scene, &mut sets, &places, |_| 10, 1000);
+    residency.update(&scene, &mut sets, &ALL, &places, |_| 10, 1000);
     assert_eq!((residency.loads(), residency.drops()), (&[][..], &[][..]), "there is no room without drops");
     // Known now, but not what is seen next: what is needed now is loaded at the cost of anything else.
     sets.0 = now.map(|now| (0, now)).into_iter().collect();
-    residency.update(&scene, &mut sets, &places, |_| 10, 1000);
+    residency.update(&scene, &mut sets, &ALL, &places, |_| 10, 1000);
     assert_eq!(objects(residency.drops()), [ids[3]], "all may be needed next: the least important goes");
     assert_eq!((objects(residency.loads()), residency.is_complete()), (vec![ids[6]], true), "all seen now");
     // What is seen next is loaded, but drops nothing that may be needed at an unknown place before: 0, which
     // is hidden from the other places.
     sets.0.insert(2, [&ids[..1], &ids[3..]].concat());
     let later = [place(0.0), place(1.0), place(2.0)];
-    residency.update(&scene, &mut sets, &later, |_| 10, 1000);
+    residency.update(&scene, &mut sets, &ALL, &later, |_| 10, 1000);
     assert_eq!((residency.loads(), residency.drops()), (&[][..], &[][..]), "1 and 2 find no room");
     scene.remove(ids[0]).unwrap();
-    residency.update(&scene, &mut sets, &[], |_| 10, 1000);
+    residency.update(&scene, &mut sets, &ALL, &[], |_| 10, 1000);
     assert_eq!(objects(residency.drops()), [ids[0]], "removed objects are dropped without places too");
-    residency.update(&scene, &mut sets, &later, |_| 10, 1000);
+    residency.update(&scene, &mut sets, &ALL, &later, |_| 10, 1000);
     assert_eq!(objects(residency.loads()), [ids[1]], "there is room for one");
     sets.0.insert(1, ids.clone());
-    residency.update(&scene, &mut sets, &later, |_| 10, 1000);
+    residency.update(&scene, &mut sets, &ALL, &later, |_| 10, 1000);
     assert_eq!((residency.loads(), residency.drops()), (&[][..], &[][..]), "2 is not needed sooner than 1");
 }
 
@@ -169,13 +172,13 @@ fn objects_that_are_never_culled_or_do_not_fit_hold_up_nothing() {
     sets.0.insert(0, vec![ids[1], never]);
     let mut residency = Residency::new(50);
     let size = |id: ObjectId| if id == ids[0] { 51 } else { 10 };
-    residency.update(&scene, &mut sets, &[place(0.0)], size, 1000);
+    residency.update(&scene, &mut sets, &ALL, &[place(0.0)], size, 1000);
     assert_eq!(objects(residency.loads()), [ids[2], never], "the first is larger than the limit");
     assert!(!residency.is_complete(), "the first is missing");
     let mut residency = Residency::new(u64::MAX);
-    residency.update(&scene, &mut sets, &[place(0.0)], |_| u64::MAX, u64::MAX);
+    residency.update(&scene, &mut sets, &ALL, &[place(0.0)], |_| u64::MAX, u64::MAX);
     assert_eq!((residency.loads().len(), residency.bytes()), (1, u64::MAX), "no overflow");
-    residency.update(&scene, &mut sets, &[place(0.0)], |_| 1, u64::MAX);
+    residency.update(&scene, &mut sets, &ALL, &[place(0.0)], |_| 1, u64::MAX);
     assert_eq!(residency.loads(), [], "the memory is full");
 }
 
@@ -189,7 +192,7 @@ fn an_object_that_finds_no_room_costs_nothing_and_holds_up_no_other() {
     let mut residency = Residency::new(100);
     let mut update = |sets: &mut Given, large| {
         let size = |id: ObjectId| if id == ids[1] { large } else { 10 };
-        residency.update(&scene, sets, &[place(0.0), place(1.0)], size, 1000);
+        residency.update(&scene, sets, &ALL, &[place(0.0), place(1.0)], size, 1000);
         (objects(residency.loads()), objects(residency.drops()), residency.is_complete())
     };
     let (mut loads, drops, is_complete) = update(&mut sets, 101);
@@ -205,12 +208,12 @@ fn an_object_that_finds_no_room_costs_nothing_and_holds_up_no_other() {
     assert!(drops.iter().all(|id| ids[2..10].contains(id)), "those needed later go: {drops:?}");
     let mut residency = Residency::new(50);
     let size = |id: ObjectId| if id == ids[0] { 51 } else { 50 };
-    residency.update(&scene, &mut sets, &[place(0.0)], size, 1000);
+    residency.update(&scene, &mut sets, &ALL, &[place(0.0)], size, 1000);
     assert_eq!(objects(residency.loads()), [ids[1]], "what is as large as the memory fits");
     let mut alike = Scene::new();
     let ids = alike.insert_batch([Aabb::from_arrays([9.0; 3], [10.0; 3]); 9]);
     let mut residency = Residency::new(50);
-    residency.update(&alike, &mut Given::default(), &[place(0.0)], |_| 10, 1000);
+    residency.update(&alike, &mut Given::default(), &ALL, &[place(0.0)], |_| 10, 1000);
     assert_eq!(objects(residency.loads()), ids[..5], "equal ones come by index");
 }
 
@@ -244,7 +247,7 @@ fn a_baked_set_hides_from_a_box_what_no_viewcell_in_it_sees() {
         let size = DVec3::new(random.unit(), random.unit(), 0.2 * random.unit()) * 3.0;
         let max = min + size;
         let mut hidden = Bits::EMPTY;
-        let is_known = culler.write_hidden(&scene, min, max, &mut hidden);
+        let is_known = culler.write_hidden(&scene, &ALL, min, max, &mut hidden);
         let is_inside = min.cmpge(DVec3::ZERO).all() && max.cmple(DVec3::new(8.0, 8.0, 2.0)).all();
         assert_eq!(is_known, is_inside, "round {round}: from {min} to {max}");
         if !is_known {
@@ -269,19 +272,22 @@ fn a_baked_set_knows_nothing_after_its_occluder_has_changed_or_for_improper_boxe
     let mut culler = PvsCuller::new(&sets);
     let mut hidden = Bits::EMPTY;
     let [min, max] = [DVec3::ONE, DVec3::splat(1.5)];
-    assert!(culler.write_hidden(&scene, min, max, &mut hidden), "a box in a viewcell");
+    assert!(culler.write_hidden(&scene, &ALL, min, max, &mut hidden), "a box in a viewcell");
     let some = hidden.iter().find(|&index| index > 0).expect("objects are hidden");
     for [min, max] in [[max, min], [DVec3::NAN, max], [min, DVec3::INFINITY], [min, DVec3::splat(3.0)]] {
-        assert!(!culler.write_hidden(&scene, min, max, &mut hidden), "from {min} to {max}");
+        assert!(!culler.write_hidden(&scene, &ALL, min, max, &mut hidden), "from {min} to {max}");
     }
     let id = scene.id_at(some).unwrap();
     scene.set_bounds(id, Aabb::from_arrays([60.0; 3], [61.0; 3])).unwrap();
-    assert!(culler.write_hidden(&scene, min, max, &mut hidden), "an object moved");
+    assert!(culler.write_hidden(&scene, &ALL, min, max, &mut hidden), "an object moved");
     assert!(!hidden.contains(some) && hidden.count() > 0, "what moved may be visible");
     let other = hidden.iter().find(|&index| index > 0).expect("another object is hidden");
-    assert!(!PvsCuller::new(&sets).write_hidden(&scene.clone(), min, max, &mut hidden), "another scene");
+    assert!(
+        !PvsCuller::new(&sets).write_hidden(&scene.clone(), &ALL, min, max, &mut hidden),
+        "another scene"
+    );
     scene.set_bounds(scene.id_at(0).unwrap(), Aabb::from_arrays([98.0; 3], [99.0; 3])).unwrap();
-    assert!(!culler.write_hidden(&scene, min, max, &mut hidden), "an occluder moved, {other}");
+    assert!(!culler.write_hidden(&scene, &ALL, min, max, &mut hidden), "an occluder moved, {other}");
 }
 
 #[test]
@@ -293,10 +299,41 @@ fn a_baked_set_knows_nothing_if_an_occluder_may_be_absent() {
     let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
     let sets = ScenePvs::new(&scene, pvs, Viewcells::new([cell]), [(scene.id_at(1).unwrap(), 0)]);
     let is_known = |sets: &ScenePvs| {
-        PvsCuller::new(sets).write_hidden(&scene, DVec3::ZERO, DVec3::ONE, &mut Bits::new(0))
+        PvsCuller::new(sets).write_hidden(&scene, &ALL, DVec3::ZERO, DVec3::ONE, &mut Bits::new(0))
     };
     assert!(is_known(&sets), "no occluder");
     assert!(!is_known(&sets.with_occluders(&scene, [wall])), "an occluder that no view shows");
+}
+
+#[test]
+fn what_is_behind_a_wall_is_needed_if_any_view_does_not_draw_the_wall() {
+    let (mut scene, _, _) = baked(&mut Random(1));
+    let [wall, behind, other] = [0, 1, 2].map(|index| scene.id_at(index).unwrap());
+    for (id, layers) in [(wall, 4), (behind, 1), (other, 8)] {
+        scene.set_layers(id, layers).unwrap();
+    }
+    let pvs = Pvs::new(PvsTargets::Objects, 1, &[vec![]; 1], |_| []).unwrap();
+    let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+    let sets = ScenePvs::new(&scene, pvs, Viewcells::new([cell]), [(behind, 0)]);
+    let sets = sets.with_occluders(&scene, [wall]);
+    let mut culler = PvsCuller::new(&sets);
+    for (layers, is_known, needed) in [
+        (&[5][..], true, [true, false, false]),
+        (&[5, 13], true, [true, false, true]),
+        (&[4], true, [true, false, false]),
+        (&[1], false, [false, true, false]),
+        (&[5, 1], false, [true, true, false]),
+        (&[4, 1], false, [true, true, false]),
+        (&[0], false, [false; 3]),
+        (&[], true, [false; 3]),
+    ] {
+        let known = culler.write_hidden(&scene, layers, DVec3::ZERO, DVec3::ONE, &mut Bits::new(0));
+        assert_eq!(known, is_known, "views of the layers {layers:?}: the answer is known");
+        let mut residency = Residency::new(u64::MAX);
+        residency.update(&scene, &mut culler, layers, &[[DVec3::ZERO, DVec3::ONE]], |_| 1, u64::MAX);
+        let loaded = [wall, behind, other].map(|id| residency.contains(id));
+        assert_eq!(loaded, needed, "views of the layers {layers:?}: wall, behind it, on another layer");
+    }
 }
 
 #[test]
@@ -339,7 +376,10 @@ fn what_reaches_into_the_box_is_not_hidden_in_a_gap_between_viewcells() {
     let pvs = Pvs::new(PvsTargets::Objects, 2, &vec![Vec::<u32>::new(); 6], |_| []).unwrap();
     let sets = ScenePvs::new(&scene, pvs, Viewcells::new(sides), [(inside, 0), (beside, 1)]);
     let mut hidden = Bits::EMPTY;
-    assert!(PvsCuller::new(&sets).write_hidden(&scene, DVec3::ZERO, DVec3::splat(2.0), &mut hidden), "sides");
+    assert!(
+        PvsCuller::new(&sets).write_hidden(&scene, &ALL, DVec3::ZERO, DVec3::splat(2.0), &mut hidden),
+        "sides"
+    );
     assert_eq!(
         [inside, beside].map(|id| hidden.contains(id.index())),
         [false, true],
@@ -364,7 +404,7 @@ fn one_object_each(cells: Viewcells, origin: DVec3) -> (Scene, ScenePvs) {
 /// Returns the indices of the objects that are seen from a box. `None` if the answer is not known.
 fn seen_from(scene: &Scene, culler: &mut PvsCuller<&ScenePvs>, [min, max]: [DVec3; 2]) -> Option<Vec<usize>> {
     let mut hidden = Bits::EMPTY;
-    let is_known = culler.write_hidden(scene, min, max, &mut hidden);
+    let is_known = culler.write_hidden(scene, &ALL, min, max, &mut hidden);
     is_known.then(|| scene.ids().map(|id| id.index()).filter(|index| !hidden.contains(*index)).collect())
 }
 
@@ -392,7 +432,7 @@ fn an_object_is_in_the_box_up_to_the_step_beside_it() {
         let sets = ScenePvs::new(&scene, pvs, cells, expected.iter().map(|&(id, _)| id).zip(0..));
         let mut hidden = Bits::EMPTY;
         let [min, max] = [origin - 1.0, origin + 1.0];
-        assert!(PvsCuller::new(&sets).write_hidden(&scene, min, max, &mut hidden), "origin {origin}");
+        assert!(PvsCuller::new(&sets).write_hidden(&scene, &ALL, min, max, &mut hidden), "origin {origin}");
         for (id, is_inside) in expected {
             let bounds = scene.bounds(id).unwrap();
             assert_eq!(hidden.contains(id.index()), !is_inside, "origin {origin}: {id} with {bounds:?}");
@@ -504,7 +544,7 @@ fn a_crafted_order_of_sizes_asks_each_size_a_few_times() {
     let (scene, ids) = slabs(400);
     let mut sets = Given::default();
     let mut free = Residency::new(u64::MAX);
-    free.update(&scene, &mut sets, &[place(0.0)], |_| 1, u64::MAX);
+    free.update(&scene, &mut sets, &ALL, &[place(0.0)], |_| 1, u64::MAX);
     let order = objects(free.loads());
     assert_eq!(order.len(), ids.len(), "all are needed");
     // Every other object is a byte larger than the room that is left when its turn comes, and fits into the
@@ -518,7 +558,7 @@ fn a_crafted_order_of_sizes_asks_each_size_a_few_times() {
         calls += 1;
         sizes[id.index()]
     };
-    residency.update(&scene, &mut sets, &[place(0.0)], size, u64::MAX);
+    residency.update(&scene, &mut sets, &ALL, &[place(0.0)], size, u64::MAX);
     let small: Vec<ObjectId> = order.iter().copied().skip(1).step_by(2).collect();
     assert_eq!(objects(residency.loads()), small, "the objects of a byte");
     assert!(calls <= ids.len(), "{calls} sizes of {} objects", ids.len());

@@ -7,7 +7,7 @@
 use visibility_core::glam::{DMat4, DVec3, DVec4};
 use visibility_core::{View, geometry::Plane, view::Depth};
 use visibility_testing::cameras::{DEPTHS, power_of_two};
-use visibility_testing::{Random, judged};
+use visibility_testing::{Random, judged, told_enough};
 
 type Whole = [i128; 3];
 
@@ -216,6 +216,18 @@ impl Camera {
         Some(to_f64(line.start) / line.whole as f64 + to_f64(line.direction) * t)
     }
 
+    /// Returns whether rounding leaves certain what an ordinary view is. Planes of an eye's view are off by
+    /// some units of rounding of the eye's coordinates. Where they meet, that is divided by the volume that
+    /// the unit normals span, and it must stay below the distance of the near plane.
+    fn is_sure(&self) -> bool {
+        let length = |a: Whole| to_f64(a).length();
+        let [x, y, w] = [self.x, self.y, self.w].map(|row| row.normal);
+        let sides = (length(x) + length(w)) * (length(y) + length(w)) * length(w);
+        let volume = dot(x, cross(y, w)) as f64 / sides;
+        let near = self.near.constant as f64 / length(self.near.normal);
+        self.is_parallel() || (volume * near).abs() > 1e-11 * length(self.eye)
+    }
+
     /// Returns whether the view is ordinary: no clip planes, and all four edges of the view meet the near
     /// plane in front of the eye.
     fn is_by_the_book(&self) -> bool {
@@ -264,12 +276,12 @@ fn lines_of_sight_begin_in_the_polygons() {
         let anchor = to_f64(core::array::from_fn(|i| camera.eye[i] + shift[i]));
         let mut polygons: Vec<(Vec<DVec3>, f64)> = Vec::new();
         if !view.for_each_sight_start(anchor, |corners, error| polygons.push((corners.to_vec(), error))) {
-            // Numbers this small leave nothing undecided in an ordinary view.
-            assert!(!camera.is_by_the_book(), "{trial}: {camera:?}");
+            // Rounding leaves nothing undecided in an ordinary view.
+            assert!(!camera.is_by_the_book() || !camera.is_sure(), "{trial}: {camera:?}");
             continue;
         }
         told += 1;
-        by_the_book += usize::from(camera.is_by_the_book());
+        by_the_book += usize::from(camera.is_by_the_book() && camera.is_sure());
         for _ in 0..20 {
             let (a, b) = match rng.below(3) {
                 0 => (rng.pick(&[-8, 8]), rng.pick(&[-8, 8])),
@@ -293,8 +305,8 @@ fn lines_of_sight_begin_in_the_polygons() {
         }
     }
     judged(lines as u64);
-    assert!(
+    told_enough(
         told > 20_000 && by_the_book > 10_000 && lines > 200_000 && tight > 0,
-        "told {told}, by the book {by_the_book}, lines {lines}, nearly off {tight}"
+        format_args!("told {told}, by the book {by_the_book}, lines {lines}, nearly off {tight}"),
     );
 }

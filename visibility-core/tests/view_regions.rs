@@ -4,7 +4,7 @@
 use visibility_core::glam::{DMat4, DQuat, DVec3, DVec4, Vec3};
 use visibility_core::view::{Depth, Eye, Reach, ViewRegion, Window};
 use visibility_core::{Aabb, Culler, FrustumCuller, Pipeline, Pose, Scene, View, VisibleSet};
-use visibility_testing::{Random, judged};
+use visibility_testing::{Random, judged, told_enough};
 
 fn perspective(random: &mut Random) -> View {
     let eye = random.vector(50.0);
@@ -96,7 +96,10 @@ fn planes_and_margin_hold_what_the_views_see() {
         }
     }
     judged(seen);
-    assert!(seen > 100_000 && beside > 1_000 && outside_halved > 1_000, "{seen}, {beside}, {outside_halved}");
+    told_enough(
+        seen > 100_000 && beside > 1_000 && outside_halved > 1_000,
+        format_args!("{seen}, {beside}, {outside_halved}"),
+    );
 }
 
 #[test]
@@ -251,4 +254,46 @@ fn kept_frames_have_no_changes() {
     assert!(world.visible.newly_visible().count() > 0, "a new set shows all of its objects");
     assert!(world.cull(&ahead(0.05, 50.0)), "kept");
     assert_eq!(world.visible.newly_visible().count() + world.visible.newly_hidden().count(), 0, "changes");
+}
+
+/// Returns a view along x from the origin, through a window from -`x` to `x` and from -`y` to `y` whose upper
+/// and lower side rise by `skew` to the right.
+fn skewed(x: f64, y: f64, skew: f64) -> View {
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let window = Window { left: -x, right: x, bottom: -y, top: y };
+    let view = View::perspective_off_center(pose, window, 0.1, f64::INFINITY).unwrap();
+    let matrix = view.clip_from(DVec3::ZERO);
+    let shear = DMat4::from_cols(DVec4::new(1.0, skew * x / y, 0.0, 0.0), DVec4::Y, DVec4::Z, DVec4::W);
+    View::from_clip_from_world(shear * matrix, view.depth()).unwrap()
+}
+
+/// A window as wide and low as a slit, whose sides are a little askew, has no region, or one that holds the
+/// corners of the window.
+#[test]
+fn regions_of_windows_that_are_askew_hold_their_corners() {
+    let mut regions = 0;
+    for (x, y, skew) in [
+        (1.0, 1.0, 0.0),
+        (3.5, 0.005, 0.0),
+        (1.0, 1.0, 9e-6),
+        (0.5, 0.005, 9e-6),
+        (3.5, 0.05, 9e-6),
+        (3.5, 0.005, 9e-6),
+        (3.5, 0.005, -9e-6),
+        (3.5, 0.0005, 2e-6),
+    ] {
+        let view = skewed(x, y, skew);
+        let Some(region) = ViewRegion::around(&view, Reach::new(0.0, 0.0)) else { continue };
+        regions += 1;
+        let inverse = view.clip_from(DVec3::ZERO).inverse();
+        for (right, up) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
+            let p = inverse * DVec4::new(right, up, 0.5, 1.0);
+            let p = p.truncate() / p.w;
+            let planes = region.planes(DVec3::ZERO);
+            let least =
+                planes.iter().map(|plane| plane.plane.signed_distance(p)).fold(f64::INFINITY, f64::min);
+            assert!(least > 0.0, "window {x} by {y}, skew {skew}: {p} is outside by {least}");
+        }
+    }
+    assert!(regions >= 5, "{regions} of the windows have a region");
 }

@@ -194,3 +194,55 @@ fn hierarchies_whose_boxes_do_not_hold_what_is_below_are_found_out() {
     assert_eq!(chain([cube(0.0, 2.0); 2], cube(1.5, 2.0), None), object, "its own box");
     assert_eq!(chain([cube(0.0, 2.0); 2], held, Some(0)), Some(Child::Node(0)), "a ring of nodes");
 }
+
+/// A degenerate tree: each node lists one object and the next node.
+struct Line(Vec<(ObjectId, Aabb)>);
+
+impl BoxHierarchy for Line {
+    fn for_each_child(&self, _: &Scene, node: Option<usize>, each: &mut dyn FnMut(Child, Aabb)) {
+        let place = node.map_or(0, |node| node + 1);
+        if let Some(&(id, bounds)) = self.0.get(place) {
+            each(Child::Object(id), bounds);
+            each(Child::Node(place), bounds);
+        }
+    }
+}
+
+/// Drops all objects that the walk comes to.
+fn drop_each(walk: &mut Walk<Line>, node: Option<usize>) -> bool {
+    walk.visit(node, |walk, block, candidates| {
+        let mut mask = candidates & !block.objects(candidates);
+        for lane in 0..64 {
+            if let (1, Child::Node(child)) = (mask >> lane & 1, block.child(lane)) {
+                mask &= !(u64::from(!drop_each(walk, Some(child))) << lane);
+            }
+        }
+        mask
+    })
+}
+
+#[test]
+fn a_tree_of_any_depth_is_walked_in_little_stack() {
+    let bounds = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch(vec![bounds; 100_000]);
+    let line = Line(ids.iter().map(|&id| (id, bounds)).collect());
+    let kept = |how: &mut dyn FnMut(&mut Walk<Line>)| {
+        let mut visible = VisibleSet::new();
+        let mut walk = Walk::new(&scene, &line, &mut visible);
+        how(&mut walk);
+        let count = walk.finish().visible;
+        let is_deep = |id: ObjectId| visible.contains(&scene, id);
+        (count, ids.iter().position(|&id| is_deep(id)))
+    };
+    let each = kept(&mut |walk| _ = drop_each(walk, None));
+    assert_eq!(each, (100_000 - 128, Some(128)), "dropped one by one, down to a level");
+    let at_once = kept(&mut |walk| _ = walk.visit(None, |_, _, _| 0));
+    assert_eq!(at_once, (100_000 - 129, Some(129)), "dropped at the top, down to a level");
+    // A second walk from the top begins at the first level again.
+    let twice = kept(&mut |walk| {
+        drop_each(walk, None);
+        drop_each(walk, None);
+    });
+    assert_eq!(twice, each, "walked twice");
+}

@@ -67,6 +67,10 @@ pub mod accuracy {}
 #[doc = include_str!("../guide/tradeoff.md")]
 pub mod tradeoff {}
 
+#[doc = include_str!("../guide/conventions.md")]
+#[cfg(all(feature = "serde", feature = "mint", feature = "tracing", feature = "bake"))]
+pub mod conventions {}
+
 #[doc = include_str!("../guide/wrong_picture.md")]
 #[cfg(feature = "hzb")]
 pub mod wrong_picture {}

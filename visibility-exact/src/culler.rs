@@ -151,7 +151,7 @@ impl RegionCuller for ExactCuller {
 
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         self.last = None;
-        let draws_all = self.triangles.layers.iter().all(|mask| mask & visible.layers() != 0);
+        let draws_all = self.triangles.layers.keys().all(|mask| mask & visible.layers() != 0);
         if !(draws_all && self.triangles.is_current(scene)) {
             return visible.retain(scene, |_, _| true);
         }

@@ -35,6 +35,8 @@ mod proof;
 mod rays;
 mod rows;
 mod search;
+#[cfg(feature = "serde")]
+mod serde_records;
 mod settings;
 mod shaft;
 mod share;

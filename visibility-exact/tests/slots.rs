@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use visibility_core::{Accuracy, OccluderMesh, RegionCuller, VisibleSet};
 use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles};
-use visibility_testing::{SlotScene, judged};
+use visibility_testing::{SlotScene, judged, told_enough};
 
 /// Returns three numbers: targets that a segment sees, targets behind closed screens, and hidden ones among
 /// the latter.
@@ -36,5 +36,8 @@ fn search(numbers: std::ops::Range<usize>) -> [usize; 3] {
 fn targets_that_are_seen_through_slots_are_not_proven_hidden() {
     let [seen, closed, hidden] = search(0..200);
     judged(200);
-    assert!(seen > 120 && hidden > closed / 2, "{seen} seen, {hidden} of {closed} closed ones hidden");
+    told_enough(
+        seen > 120 && hidden > closed / 2,
+        format_args!("{seen} seen, {hidden} of {closed} closed ones hidden"),
+    );
 }

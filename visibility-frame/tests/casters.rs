@@ -9,7 +9,7 @@ use visibility_frame::casters::{CasterCuller, Light, LightError};
 use visibility_testing::cameras::{
     Camera, DEPTHS, power_of_two, projection, random_camera, random_projection,
 };
-use visibility_testing::{Random, judged};
+use visibility_testing::{Random, judged, told_enough};
 
 /// A view given by its parameters, from which points in view are computed without the crate's code.
 #[derive(Clone, Copy, Debug)]
@@ -209,8 +209,11 @@ fn no_blocker_of_ten_thousand_rays_is_left_out() {
     }
     for Shadows { kept, needed, all, rays } in total {
         judged(rays as u64);
-        assert!(rays > 50_000 && needed > 250, "too easy: {rays} rays, {needed} of {all} hit");
-        assert!(kept * 3 < all * 2, "too little is culled: {kept} of {all} kept");
+        told_enough(
+            rays > 50_000 && needed > 250,
+            format_args!("too easy: {rays} rays, {needed} of {all} hit"),
+        );
+        told_enough(kept * 3 < all * 2, format_args!("too little is culled: {kept} of {all} kept"));
     }
 }
 
@@ -530,7 +533,10 @@ fn receivers_leave_fewer_casters_and_no_blocker_out() {
         more += all.count(&scene);
     }
     judged(needed as u64);
-    assert!(fewer * 2 < more && needed * 2 > fewer && needed > 100, "{fewer} of {more}, {needed} needed");
+    told_enough(
+        fewer * 2 < more && needed * 2 > fewer && needed > 100,
+        format_args!("{fewer} of {more}, {needed} needed"),
+    );
 }
 
 /// Tests that a box of receivers belongs to the origin that it was given for: after a move of the origin,

@@ -639,6 +639,10 @@ impl OcclusionMap for Hzb {
         occluder.triangles().len() - solid + solid.div_ceil(OUTLINE_COST_DIVISOR)
     }
 
+    fn has_level(&self) -> bool {
+        self.levels.iter().any(|prepared| !prepared.level.polygons().is_empty())
+    }
+
     fn draws(&self, object: ObjectId) -> bool {
         self.drawn_objects.contains(object, self.layers)
     }
@@ -675,7 +679,7 @@ impl OcclusionMap for Hzb {
     /// along their common border stay uncovered.
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
         Lack::of_occluders(scene, each);
-        if self.levels.iter().all(|prepared| prepared.level.polygons().is_empty()) {
+        if !self.has_level() {
             Lack::of_no_occluder(scene, each);
             let count = occluders_with_seams(scene);
             if count > 0 {

@@ -100,6 +100,8 @@ mod query;
 mod random;
 mod raster;
 mod rounding;
+#[cfg(feature = "serde")]
+mod serde_records;
 mod setup;
 mod simd_dispatch;
 mod vector;

@@ -97,6 +97,8 @@ mod error;
 mod item_buffer;
 mod raster;
 mod sampled_visibility;
+#[cfg(feature = "serde")]
+mod serde_records;
 
 pub use advisor::{Advisor, CullerTrial, DrawCost, SceneFacts};
 pub use compare::Comparison;

@@ -16,10 +16,10 @@ use visibility_core::{Aabb, Object, ObjectId, Scene};
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[must_use]
 pub struct LevelSettings {
-    flatness: f64,
-    bulge: f64,
-    kept_area: f64,
-    max_cluster_edges: usize,
+    pub(crate) flatness: f64,
+    pub(crate) bulge: f64,
+    pub(crate) kept_area: f64,
+    pub(crate) max_cluster_edges: usize,
 }
 
 impl Default for LevelSettings {

@@ -20,6 +20,8 @@ mod level;
 mod outlines;
 mod pieces;
 mod regions;
+#[cfg(feature = "serde")]
+mod serde_records;
 mod t_junctions;
 
 pub use faces::LevelTriangle;

@@ -24,12 +24,17 @@ pub(crate) fn divide_regions(regions: &mut Regions, faces: &Faces, max_edges: us
             corners.iter().fold(DVec3::ZERO, |sum, &v| sum + faces.at(v)) / corners.len() as f64
         };
         let members = &mut regions.members[first..end];
-        let low = members.iter().map(middle).fold(DVec3::INFINITY, DVec3::min);
-        let high = members.iter().map(middle).fold(DVec3::NEG_INFINITY, DVec3::max);
-        let (axis, half) = ((high - low).max_position(), members.len() / 2);
-        members.select_nth_unstable_by(half, |a, b| {
-            middle(a)[axis].total_cmp(&middle(b)[axis]).then(a.face.cmp(&b.face))
+        let mut placed: Vec<(DVec3, Member)> =
+            members.iter().map(|member| (middle(member), *member)).collect();
+        let low = placed.iter().map(|(at, _)| *at).fold(DVec3::INFINITY, DVec3::min);
+        let high = placed.iter().map(|(at, _)| *at).fold(DVec3::NEG_INFINITY, DVec3::max);
+        let (axis, half) = ((high - low).max_position(), placed.len() / 2);
+        placed.select_nth_unstable_by(half, |(a, of_a), (b, of_b)| {
+            a[axis].total_cmp(&b[axis]).then(of_a.face.cmp(&of_b.face))
         });
+        for (member, (_, sorted)) in members.iter_mut().zip(placed) {
+            *member = sorted;
+        }
         for range in [[first, first + half], [first + half, end]] {
             region.measure(faces, &regions.members[range[0]..range[1]]);
             waiting.push(Region { members: range.map(|index| index as u32), ..region.clone() });

@@ -254,7 +254,7 @@ mod tests {
             let cell = Aabb::from_arrays([-1.5; 3], [1.5; 3]);
             for _ in 0..20 {
                 let eye = random.direction() * (2.0 + 6.0 * random.float().abs());
-                let toward = BoxFromEye::new(Eye::Point(eye), &cell);
+                let toward = BoxFromEye::new(Eye::Point(eye), 0.0, &cell);
                 for mut layers in content.sides(0) {
                     if !layers.is_back(&toward) {
                         before += 1;

@@ -70,6 +70,8 @@ mod openness;
 mod overlap;
 mod pace;
 mod ray_coverage;
+#[cfg(feature = "serde")]
+mod serde_records;
 mod shape;
 mod solidity;
 mod surface_class;

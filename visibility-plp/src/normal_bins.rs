@@ -230,7 +230,8 @@ pub(crate) struct BoxFromEye {
     /// Vector from the box's centre to the eye, in metres. For a parallel view, the unit vector opposite to
     /// the viewing direction.
     to_eye: [f32; 3],
-    /// Half the box's size along each axis, in metres. Zero for a parallel view.
+    /// Half the box's size along each axis, in metres, plus the error of the eye: each difference of the
+    /// eye and a point of the box is within `half` of `to_eye`. The error alone for a parallel view.
     half: [f32; 3],
     /// Distance in metres from the eye to the farthest point of the box. 1 for a parallel view.
     farthest: f32,
@@ -239,14 +240,16 @@ pub(crate) struct BoxFromEye {
 impl BoxFromEye {
     #[inline]
     /// Converts the scene-relative box `bounds` to a box relative to `eye`, which is relative to the scene's
-    /// origin as well.
-    pub(crate) fn new(eye: Eye, bounds: &Aabb) -> Self {
+    /// origin as well. `eye_error` bounds the error of each coordinate of the eye in metres, or of each
+    /// component of the direction; if it is infinite or NaN, nothing is certain.
+    pub(crate) fn new(eye: Eye, eye_error: f64, bounds: &Aabb) -> Self {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (to_eye, half) = match eye {
             Eye::Point(eye) => (eye - (min + max) * 0.5, (max - min) * 0.5),
             // The vector to an eye at infinity is equal for all points of the box.
             Eye::Direction(along) => (-along, DVec3::ZERO),
         };
+        let half = half + DVec3::splat(eye_error);
         let farthest = (to_eye.abs() + half).length() as f32;
         Self { to_eye: to_eye.as_vec3().to_array(), half: half.as_vec3().to_array(), farthest }
     }
@@ -299,7 +302,7 @@ mod tests {
         let all = Aabb::from_arrays([-101.0; 3], [101.0; 3]);
         let (mut counts, mut offsets) = ([0; 3], Vec::new());
         for eye in [[1.1, 0.2, 0.3], [3.0, 4.0, -2.0], [-50.0, 30.0, 1.7], [900.0, 1.0, 800.0], [0.1; 3]] {
-            let toward = BoxFromEye::new(Eye::Point(DVec3::from_array(eye)), &cell);
+            let toward = BoxFromEye::new(Eye::Point(DVec3::from_array(eye)), 0.0, &cell);
             bins.eye_offsets(Eye::Point(DVec3::from_array(eye)), 0.0, &all, &mut offsets);
             for id in scene.ids() {
                 let [a, b, c] = scene.triangles(id).unwrap().get(0).unwrap().map(|p| p.as_dvec3());
@@ -315,7 +318,7 @@ mod tests {
         }
         assert!(counts[0] > 4000 && counts[1] > 4000, "{counts:?}");
         assert_eq!(
-            bins.eye_side(usize::MAX, &BoxFromEye::new(Eye::Direction(DVec3::X), &cell), &offsets),
+            bins.eye_side(usize::MAX, &BoxFromEye::new(Eye::Direction(DVec3::X), 0.0, &cell), &offsets),
             EyeSide::Unknown,
             "an object that does not exist"
         );
@@ -340,7 +343,7 @@ mod tests {
             for beside in [0.0, 1e-9, -1e-9, 0.003, -0.003] {
                 let eye = DVec3::new(0.3, 0.2, f64::from(step as f32 * 10.0 * 0.0007 - 0.3) + beside);
                 bins.eye_offsets(Eye::Point(eye), 0.0, &cell, &mut offsets);
-                let toward = BoxFromEye::new(Eye::Point(eye), &cell);
+                let toward = BoxFromEye::new(Eye::Point(eye), 0.0, &cell);
                 for id in scene.ids() {
                     let [a, b, c] = scene.triangles(id).unwrap().get(0).unwrap().map(|p| p.as_dvec3());
                     let distance = (b - a).cross(c - a).dot(eye - a);
@@ -403,7 +406,8 @@ mod tests {
                     let eye = q + away * sign;
                     let eye = eye - m * (m.dot(eye - q) - sign * 1e-7);
                     bins.eye_offsets(Eye::Point(eye), 0.0, &all, &mut offsets);
-                    let side = bins.eye_side(id.index(), &BoxFromEye::new(Eye::Point(eye), &cell), &offsets);
+                    let side =
+                        bins.eye_side(id.index(), &BoxFromEye::new(Eye::Point(eye), 0.0, &cell), &offsets);
                     assert_ne!(
                         side,
                         if sign > 0.0 { EyeSide::Back } else { EyeSide::Front },
@@ -462,7 +466,8 @@ mod tests {
                 );
                 let eye = fine(eye);
                 bins.eye_offsets(Eye::Point(eye), 0.0, &bounds, &mut offsets);
-                let side = bins.eye_side(id.index(), &BoxFromEye::new(Eye::Point(eye), &bounds), &offsets);
+                let side =
+                    bins.eye_side(id.index(), &BoxFromEye::new(Eye::Point(eye), 0.0, &bounds), &offsets);
                 assert_ne!(
                     side,
                     if sign > 0.0 { EyeSide::Back } else { EyeSide::Front },
@@ -509,12 +514,40 @@ mod tests {
             eye[across] += normal[across].signum() * 1000.0 * random.float().abs();
             eye[axis] = q[axis] - (normal[across] * (eye[across] - q[across]) - 1e-7) / normal[axis];
             assert!(normal.dot(eye - q) > 0.0, "the eye {eye} is before the plane");
-            let toward = BoxFromEye::new(Eye::Point(eye), &cell);
+            let toward = BoxFromEye::new(Eye::Point(eye), 0.0, &cell);
             assert!(!toward.is_behind(side, lean), "{side} {lean} {cell:?} {eye}");
             let bare = BoxFromEye { farthest: 0.0, ..toward };
             wrong_without += u32::from(bare.is_behind(side, lean));
         }
         assert!(wrong_without > 100, "{wrong_without}");
+    }
+
+    /// Eyes 1 m behind and before two triangles, or parallel views from either side: the side is known only if
+    /// the error of the eye, or of the direction, is less.
+    #[test]
+    fn the_error_of_the_eye_leaves_its_side_unknown() {
+        let mut scene = Scene::new();
+        for lean in [0.02, -0.02] {
+            let triangle = [Vec3::ZERO, Vec3::new(1.0, 0.0, lean), Vec3::Y];
+            let id = scene.insert(Object::new(Aabb::from_points(triangle)));
+            scene.set_triangles(id, [triangle]).unwrap();
+        }
+        let (bins, cell) = (NormalBins::new(&scene), Aabb::from_arrays([0.0; 3], [0.01; 3]));
+        assert!(bins.flat_bin(bins.marks[0][0]).is_none(), "the bin of both triangles is not flat");
+        for (z, side) in [(-1.0, EyeSide::Back), (1.0, EyeSide::Front)] {
+            for eye in [Eye::Point(DVec3::Z * z), Eye::Direction(DVec3::Z * -z)] {
+                for error in [0.0, 0.4, 2.0, f64::INFINITY, f64::NAN] {
+                    let mut offsets = Vec::new();
+                    bins.eye_offsets(eye, error, &cell, &mut offsets);
+                    let toward = BoxFromEye::new(eye, error, &cell);
+                    let told = bins.eye_side(0, &toward, &offsets);
+                    let expected = if error < 1.0 { side } else { EyeSide::Unknown };
+                    assert_eq!(told, expected, "{eye:?}, {error} m off");
+                    let is_behind = error < 1.0 && side == EyeSide::Back;
+                    assert_eq!(toward.is_behind(4, 0.02), is_behind, "{eye:?}, {error} m off: faces up");
+                }
+            }
+        }
     }
 
     #[test]
@@ -528,7 +561,7 @@ mod tests {
             let (bins, eye, mut offsets) =
                 (NormalBins::new(scene), Eye::Point(DVec3::splat(eye)), Vec::new());
             bins.eye_offsets(eye, 0.0, &cell, &mut offsets);
-            bins.eye_side(object, &BoxFromEye::new(eye, &cell), &offsets)
+            bins.eye_side(object, &BoxFromEye::new(eye, 0.0, &cell), &offsets)
         };
         for triangles in [&[flat][..], &[odd], &[huge, huge]] {
             let id = scene.insert(Aabb::from_arrays([0.0; 3], [3e38; 3]));

@@ -208,7 +208,7 @@ mod tests {
             }
             let eye = point() * 8.0;
             let (side, lean) = side_of(b - a, c - a);
-            let toward = BoxFromEye::new(visibility_core::view::Eye::Point(eye), &cell);
+            let toward = BoxFromEye::new(visibility_core::view::Eye::Point(eye), 0.0, &cell);
             if lean < UNKNOWN_LEAN && toward.is_behind(side, f32::from(lean) / LEAN_AT_45_DEGREES) {
                 assert!((b - a).cross(c - a).dot(eye - a) < 0.0, "{a} {b} {c} from {eye}: {side} {lean}");
                 behind += 1;

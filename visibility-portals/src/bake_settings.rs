@@ -9,7 +9,7 @@ use visibility_core::cells::CellGraph;
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[must_use]
 pub struct BakerSettings {
-    clearance: Option<f64>,
+    pub(crate) clearance: Option<f64>,
     pub(crate) steps_per_cell: u64,
     pub(crate) depth: u32,
     pub(crate) chain_test: ChainTest,

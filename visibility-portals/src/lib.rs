@@ -83,6 +83,8 @@ mod portal_flow;
 mod portal_pairs;
 pub mod prt;
 mod separating_planes;
+#[cfg(feature = "serde")]
+mod serde_records;
 
 pub use bake_settings::{BakeError, BakerSettings, ChainTest};
 pub use cell_baker::{CellBaker, Fallback, Outcome};

@@ -359,7 +359,12 @@ fn sets_limit_the_walk() {
 #[test]
 fn shared_cells_open_for_all_eyes_and_each_eye_says_why_it_culls_nothing() {
     let (cells, mut scene, ids) = row(4);
+    assert!(
+        PortalCuller::new(cells.clone()).hides_behind_undrawn(),
+        "walls of cells are not asked for in the set"
+    );
     let cells = Arc::new(RwLock::new(cells));
+    assert!(SharedPortalCuller::new(cells.clone()).hides_behind_undrawn(), "nor are those of shared cells");
     let eye = || Pipeline::new().with(SharedPortalCuller::new(cells.clone()));
     let (mut pipelines, mut visible) = ([eye(), eye()], VisibleSet::new());
     let mut counts = |scene: &Scene, view: &View| {

@@ -5,7 +5,7 @@ use crate::maze::{Camera, Maze, Style};
 use visibility_core::glam::DVec3;
 use visibility_core::{Culler, FrustumCuller, VisibleSet};
 use visibility_portals::{Narrowing, NotCulled, PortalEye};
-use visibility_testing::{Random, judged};
+use visibility_testing::{Random, judged, told_enough};
 
 #[derive(Default, Debug)]
 struct Tally {
@@ -77,10 +77,11 @@ fn check(seed: u64, sizes: [usize; 3], style: Style, mazes: u32, views: u32, ray
             // The rectangle's window contains the polygon's, so each cell that the polygon reaches is reached
             // with the rectangle. Objects may differ: a box is tested against planes one by one, so near a
             // sharp corner of the polygon only the rectangle may exclude it. With a great tolerance the
-            // margins of the two differ as well.
+            // margins of the two differ as well, as they do where doors are slivers: an edge too short for
+            // its error gives the polygon no plane, and the rectangle is bounded there all the same.
             for cell in eye.seen_cells() {
                 assert!(
-                    style.tolerance > 1e-6 || boxed.sees(cell),
+                    style.slivers || style.tolerance > 1e-6 || boxed.sees(cell),
                     "seed {seed}, view {view}: the rectangle does not show {cell:?}"
                 );
             }
@@ -119,11 +120,11 @@ fn check(seed: u64, sizes: [usize; 3], style: Style, mazes: u32, views: u32, ray
         }
     }
     // Asserts that the test is not vacuous.
-    assert!(tally.reached * 16 > tally.rays, "{tally:?}");
-    assert!(tally.shown * 2 < tally.in_frustum, "{tally:?}");
-    assert!(
+    told_enough(tally.reached * 16 > tally.rays, format_args!("{tally:?}"));
+    told_enough(tally.shown * 2 < tally.in_frustum, format_args!("{tally:?}"));
+    told_enough(
         tally.outside * 4 < tally.frames && tally.many_starts > 0 && tally.crossed * 2 > tally.frames,
-        "{tally:?}"
+        format_args!("{tally:?}"),
     );
     judged(tally.rays);
     tally
@@ -134,13 +135,13 @@ const PLAIN: Style = Style { turned: false, slivers: false, mirrors: false, shif
 #[test]
 fn no_ray_reaches_what_is_hidden_in_straight_mazes() {
     let tally = check(1, [5, 5, 2], PLAIN, 16, 60, 300);
-    assert!(tally.rays > 250_000, "{tally:?}");
+    told_enough(tally.rays > 250_000, format_args!("{tally:?}"));
 }
 
 #[test]
 fn no_ray_reaches_what_is_hidden_in_turned_mazes() {
     let tally = check(2, [4, 4, 3], Style { turned: true, shift: 50.0, ..PLAIN }, 16, 60, 300);
-    assert!(tally.rays > 250_000, "{tally:?}");
+    told_enough(tally.rays > 250_000, format_args!("{tally:?}"));
 }
 
 #[test]
@@ -148,7 +149,7 @@ fn no_ray_reaches_what_is_hidden_behind_slivers() {
     let style = Style { slivers: true, ..PLAIN };
     let tally = check(3, [5, 5, 2], style, 10, 60, 200);
     let turned = check(4, [4, 4, 3], Style { turned: true, shift: 1e4, ..style }, 10, 60, 200);
-    assert!(tally.rays + turned.rays > 200_000, "{tally:?} {turned:?}");
+    told_enough(tally.rays + turned.rays > 200_000, format_args!("{tally:?} {turned:?}"));
 }
 
 /// Cells and portals are displaced by nearly the tolerance, so that a missing margin fails the test.
@@ -158,6 +159,6 @@ fn no_ray_reaches_what_is_hidden_where_cells_are_off_by_the_tolerance() {
         let style = Style { tolerance, ..PLAIN };
         let tally = check(seed, [5, 5, 2], style, 12, 60, 300);
         let turned = check(seed + 1, [4, 4, 3], Style { turned: true, shift: 50.0, ..style }, 12, 60, 300);
-        assert!(tally.rays + turned.rays > 200_000, "{tally:?} {turned:?}");
+        told_enough(tally.rays + turned.rays > 200_000, format_args!("{tally:?} {turned:?}"));
     }
 }

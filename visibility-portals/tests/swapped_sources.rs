@@ -125,6 +125,34 @@ fn mirrors_show_all_that_is_in_view_where_the_cells_do_not_know_the_scene() {
     );
 }
 
+#[test]
+fn mirrors_in_mirrors_are_shown_where_the_cells_do_not_know_the_scene() {
+    let (scene, view) = (boxes(2).0, along());
+    let mut cells = row(2, 1);
+    // Mirrors at both ends of the row, which face each other.
+    let corners = [[1.0, 0.5], [1.0, 2.0], [3.0, 2.0], [3.0, 0.5]];
+    let far = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(8.0, y, z))).unwrap();
+    let back =
+        ConvexPolygon::new([0, 3, 2, 1].map(|i| DVec3::new(0.0, corners[i][0], corners[i][1]))).unwrap();
+    let ends = [cells.add_mirror(CellId(1), &far).unwrap(), cells.add_mirror(CellId(0), &back).unwrap()];
+    let mut eye = PortalEye::new();
+    for is_synced in [false, true] {
+        if is_synced {
+            cells.sync(&scene);
+        }
+        seen(&mut eye, &cells, &scene, &view);
+        assert_eq!(eye.stats().fallback.is_none(), is_synced, "the frame is culled after the sync");
+        let shown: Vec<_> = eye.reflections().iter().map(|one| (one.mirror(), one.depth())).collect();
+        assert_eq!(
+            shown,
+            [(ends[0], 1), (ends[1], 2)],
+            "synced {is_synced}: the far mirror, and in it the other"
+        );
+        let left_out = eye.stats().reflections_left_out;
+        assert_eq!(left_out, 1, "synced {is_synced}: the far mirror again is the third of a line of sight");
+    }
+}
+
 /// Results of all queries of an eye after a frame.
 #[derive(PartialEq, Debug)]
 struct Answer {

@@ -2,6 +2,7 @@
 
 use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
+use visibility_core::geometry::keeps_orientation;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::scene::Triangle;
 
@@ -43,7 +44,7 @@ impl Blocker {
     /// one that is there.
     pub(crate) fn solid(mesh: &OccluderMesh, transform: &Affine3A, caps: &[Triangle]) -> Self {
         let mut blocker = Self::placed(mesh, transform, mesh.positions().iter().map(|p| p.as_dvec3()));
-        let turned = turn(transform);
+        let Some(turned) = turn(transform) else { return blocker };
         blocker.corners = mesh.triangles().iter().flat_map(|&t| turned(t)).collect();
         blocker.faces = (0..mesh.triangles().len()).map(|i| i * 3..i * 3 + 3).collect();
         let placement = Placement::new(mesh, transform);
@@ -57,7 +58,7 @@ impl Blocker {
     pub(crate) fn triangle(mesh: &OccluderMesh, transform: &Affine3A, triangle: usize) -> Self {
         let corners = mesh.triangles()[triangle].map(|i| mesh.positions()[i as usize].as_dvec3());
         let mut blocker = Self::placed(mesh, transform, corners.into_iter());
-        let turned = turn(transform);
+        let Some(turned) = turn(transform) else { return blocker };
         blocker.corners.extend(turned([0, 1, 2]));
         if mesh.is_two_sided() {
             blocker.corners.extend(turned([0, 2, 1]));
@@ -98,10 +99,10 @@ impl Blocker {
 }
 
 /// Returns a function that swaps two corners of a triangle if the transform mirrors, so that the front of the
-/// triangle stays its front.
-fn turn(transform: &Affine3A) -> impl Fn([u32; 3]) -> [u32; 3] {
-    let is_mirrored = transform.matrix3.determinant() < 0.0;
-    move |[a, b, c]| if is_mirrored { [a, c, b] } else { [a, b, c] }
+/// triangle stays its front. `None` if the transform flattens, so that there is no front.
+fn turn(transform: &Affine3A) -> Option<impl Fn([u32; 3]) -> [u32; 3]> {
+    let keeps = keeps_orientation(transform)?;
+    Some(move |[a, b, c]: [u32; 3]| if keeps { [a, b, c] } else { [a, c, b] })
 }
 
 /// A map from mesh coordinates to scene coordinates, in `f64`.
@@ -136,5 +137,31 @@ impl Placement {
             Some(columns) => columns[0] * p.x + columns[1] * p.y + columns[2] * p.z + self.translation,
             None => p,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Vec3;
+
+    /// A triangle that faces up does so after it is mirrored sideways, also where scales are so small that
+    /// the determinant is zero in `f32`.
+    #[test]
+    fn the_front_of_a_mirrored_triangle_stays_its_front() {
+        for scale in [1.0, 1e-16, 1e12] {
+            for sideways in [scale, -scale] {
+                let corners = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p / scale);
+                let mesh = OccluderMesh::from_triangles(&[corners]).unwrap();
+                let transform = Affine3A::from_scale(Vec3::new(sideways, scale, scale));
+                let blocker = Blocker::triangle(&mesh, &transform, 0);
+                let [a, b, c] = [0, 1, 2].map(|i| blocker.vertices[blocker.corners[i] as usize]);
+                assert!((b - a).cross(c - a).z > 0.9, "scales {sideways} and {scale}: {a} {b} {c}");
+            }
+        }
+        let mesh = OccluderMesh::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]).unwrap();
+        let flat = Affine3A::from_scale(Vec3::new(1.0, 1.0, 0.0));
+        assert!(Blocker::triangle(&mesh, &flat, 0).faces.is_empty(), "a flattened triangle has no front");
+        assert!(Blocker::solid(&mesh, &flat, &[]).faces.is_empty(), "nor has a flattened solid");
     }
 }

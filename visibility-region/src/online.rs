@@ -389,6 +389,11 @@ impl OnlinePvs {
         Some(&self.made[level][at].hidden)
     }
 
+    /// Returns whether a view of some layers draws all objects that were occluders of the boxes.
+    fn is_drawn_whole(&self, view: u32) -> bool {
+        self.layers.iter().all(|layers| layers & view != 0)
+    }
+
     /// Applies the changes of the scene since the last call: drops boxes and marks changed objects.
     fn sync(&mut self, scene: &Scene) {
         let is_same = self.cursor.is_in(scene);
@@ -658,7 +663,18 @@ impl HiddenSets for OnlinePvs {
     /// As [`hidden_from`](Self::hidden_from), which lends its answer. The eye's box must lie in one viewcell,
     /// so it should extend at most the [margin](Self::with_margin) around a place given to
     /// [`step`](Self::step).
-    fn write_hidden(&mut self, scene: &Scene, min: DVec3, max: DVec3, hidden: &mut Bits) -> bool {
+    fn write_hidden(
+        &mut self,
+        scene: &Scene,
+        layers: &[u32],
+        min: DVec3,
+        max: DVec3,
+        hidden: &mut Bits,
+    ) -> bool {
+        self.sync(scene);
+        if layers.iter().any(|&view| !self.is_drawn_whole(view)) {
+            return false;
+        }
         let Some(answer) = self.hidden_from(scene, min, max) else { return false };
         hidden.reset(scene.index_limit());
         hidden.unite(answer);
@@ -675,14 +691,17 @@ impl Culler for OnlinePvs {
         Accuracy::Conservative
     }
 
+    fn hides_behind_undrawn(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.sync(scene);
         let anchor = match view.eye(DVec3::ZERO) {
             Eye::Point(eye) => eye,
             Eye::Direction(_) => view.origin(),
         };
-        let draws_all = self.layers.iter().all(|layers| layers & view.layers() != 0);
-        let start = sight_start(view, anchor).filter(|_| draws_all);
+        let start = sight_start(view, anchor).filter(|_| self.is_drawn_whole(view.layers()));
         let found = start.and_then(|(low, high)| self.best(low, high));
         self.answer = found.map(|(level, at)| (level, self.made[level][at].cell.clone()));
         let cell = self.answer.as_ref().map(|(_, cell)| (cell.min, cell.max));

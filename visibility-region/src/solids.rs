@@ -74,7 +74,8 @@ impl Solids {
                 let around = [DVec3::INFINITY, DVec3::NEG_INFINITY];
                 let [min, max] =
                     blocker.vertices.iter().fold(around, |[min, max], &p| [min.min(p), max.max(p)]);
-                if min.is_finite() && max.is_finite() {
+                // Without faces, a flattened solid would count as all of space.
+                if min.is_finite() && max.is_finite() && !blocker.faces.is_empty() {
                     let (min, max) = (min - blocker.slack, max + blocker.slack);
                     self.list.push(Solid {
                         id,

@@ -4,7 +4,7 @@ use visibility_core::{Accuracy, RegionCuller};
 #[cfg(feature = "papers")]
 use visibility_region::VolumetricCuller;
 use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller};
-use visibility_testing::{SlotScene, SlotSearch, judged};
+use visibility_testing::{SlotScene, SlotSearch, judged, told_enough};
 
 /// Makes trials, and fails if the culler hides a target that a segment sees.
 fn search(culler: &mut dyn RegionCuller, trials: usize) -> SlotSearch {
@@ -18,18 +18,18 @@ fn search(culler: &mut dyn RegionCuller, trials: usize) -> SlotSearch {
 #[test]
 fn sweeps_hide_nothing_that_is_seen_through_a_slot() {
     let found = search(&mut ExtendedProjectionCuller::new(), 2000);
-    assert!(found.seen > 1000 && found.hidden > 20, "{found:?}");
+    told_enough(found.seen > 1000 && found.hidden > 20, format_args!("{found:?}"));
 }
 
 #[test]
 fn solids_hide_nothing_that_is_seen_through_a_slot() {
     let found = search(&mut ConvexBlockersCuller::new(), 300);
-    assert!(found.seen > 200 && found.hidden > 0, "{found:?}");
+    told_enough(found.seen > 200 && found.hidden > 0, format_args!("{found:?}"));
 }
 
 #[test]
 #[cfg(feature = "papers")]
 fn octrees_hide_nothing_that_is_seen_through_a_slot() {
     let found = search(&mut VolumetricCuller::new(), 30);
-    assert!(found.seen > 20, "{found:?}");
+    told_enough(found.seen > 20, format_args!("{found:?}"));
 }

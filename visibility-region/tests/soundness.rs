@@ -4,12 +4,13 @@
 //! triangles, and the rays of the sampling culler, which are guided to gaps.
 
 use crate::common::random_world;
+use std::cell::Cell;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 #[cfg(feature = "papers")]
 use visibility_region::VolumetricCuller;
 use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller};
-use visibility_testing::{Random, judged};
+use visibility_testing::{Random, judged, told_enough};
 
 /// Searches random worlds until `trials` objects were hidden. Returns the number of worlds, and the number of
 /// objects that the sampling culler has seen.
@@ -45,7 +46,7 @@ fn search(cullers: &mut [Box<dyn RegionCuller>], seed: u64, trials: usize, rays:
 #[test]
 fn no_ray_from_the_cell_reaches_a_hidden_object() {
     let [worlds, seen] = search(&mut [Box::new(ExtendedProjectionCuller::new())], 1, 500, 1000);
-    assert!(worlds < 60 && seen > 20 * worlds, "{worlds} worlds, {seen} objects seen");
+    told_enough(worlds < 60 && seen > 20 * worlds, format_args!("{worlds} worlds, {seen} objects seen"));
 }
 
 #[test]
@@ -54,7 +55,7 @@ fn no_ray_from_the_cell_reaches_what_solids_hide() {
     #[cfg(feature = "papers")]
     cullers.push(Box::new(VolumetricCuller::new()));
     let [worlds, seen] = search(&mut cullers, 3, 300, 1000);
-    assert!(worlds > 2 && seen > 10 * worlds, "{worlds} worlds, {seen} objects seen");
+    told_enough(worlds > 2 && seen > 10 * worlds, format_args!("{worlds} worlds, {seen} objects seen"));
 }
 
 /// The sweep from 3 by 3 parts of the viewcell, as a culler.
@@ -68,6 +69,21 @@ impl RegionCuller for Parts {
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         self.0.cull_in_parts(scene, cell, 3, visible, &|| false)
     }
+}
+
+#[test]
+fn no_part_is_begun_after_a_stop() {
+    let (world, cell) = random_world(&mut Random(3), 1.0);
+    let asked = Cell::new(0);
+    let stop = || {
+        asked.set(asked.get() + 1);
+        true
+    };
+    let mut visible = VisibleSet::new();
+    let all = visible.retain(&world.scene, |_, _| true).visible;
+    let stats = ExtendedProjectionCuller::new().cull_in_parts(&world.scene, &cell, 1000, &mut visible, &stop);
+    assert_eq!(stats.visible, all, "nothing is removed");
+    assert!(asked.get() < 100, "asked {} times for a million parts", asked.get());
 }
 
 #[test]

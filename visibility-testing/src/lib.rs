@@ -39,4 +39,4 @@ pub use sight_world::SightWorld;
 pub use slabs::is_clear;
 pub use slots::{SlotScene, SlotSearch};
 pub use steps::{step, steps_of};
-pub use trials::judged;
+pub use trials::{judged, told_enough};

@@ -6,6 +6,7 @@
 //! that has seen no other source.
 
 use crate::Random;
+use crate::slabs::misses;
 use std::collections::BTreeSet;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
@@ -45,6 +46,13 @@ pub trait Swapped {
     /// scenes and sources the culler has seen before. True by default.
     fn is_free_of_memory(&self) -> bool {
         true
+    }
+
+    /// Returns whether what the live culler hides is judged by segments from the eye, in place of the
+    /// reference. So judged is a culler that may hide more when it knows fewer occluders, as one whose
+    /// picture has room for a few of them. False by default.
+    fn is_judged_by_segments(&self) -> bool {
+        false
     }
 }
 
@@ -95,8 +103,12 @@ pub fn hold_against_fresh<S: Swapped>(kind: &S, seed: u64, frames: usize) -> usi
             kind.give(&mut culler, &given, scene);
             cull(&mut culler, scene, view, &mut VisibleSet::new())
         };
-        let truth = fresh(kind.truth(&given));
-        let lost: Vec<_> = truth.difference(&seen).collect();
+        let lost: Vec<ObjectId> = if kind.is_judged_by_segments() {
+            let mut random = Random(frame as u64);
+            hidden_objects_that_are_seen(scene, view, &seen, &mut random)
+        } else {
+            fresh(kind.truth(&given)).difference(&seen).copied().collect()
+        };
         assert!(lost.is_empty(), "seed {seed}, frame {frame}: {} hides {lost:?}", live.name());
         if is_given && kind.is_free_of_memory() {
             let fresh = fresh(kind.make(&given));
@@ -121,10 +133,42 @@ fn cull(
     visible.iter(scene).collect()
 }
 
+/// Casts segments from the near plane to random points of each object that a culler hid, as far as the points
+/// are in the view. Returns the objects that a segment reaches past all occluders on the view's layers. The
+/// occluders must fill their bounds, as those of [`scene`] do.
+fn hidden_objects_that_are_seen(
+    scene: &Scene,
+    view: &View,
+    seen: &BTreeSet<ObjectId>,
+    random: &mut Random,
+) -> Vec<ObjectId> {
+    let mut all = VisibleSet::new();
+    all.fill(scene, view);
+    let origin = scene.origin();
+    let Eye::Point(eye) = view.eye(origin) else { panic!("the views of this harness have an eye") };
+    let clip = view.clip_from(origin);
+    let occluders: Vec<ObjectId> = all.iter(scene).filter(|&id| scene.occluder(id).is_some()).collect();
+    let mut is_reached = |id: ObjectId| {
+        let bounds = scene.bounds(id).unwrap();
+        let others = || occluders.iter().filter(|&&other| other != id).map(|&id| scene.bounds(id).unwrap());
+        (0..40).any(|_| {
+            let at = DVec3::new(random.unit(), random.unit(), random.unit());
+            let p = bounds.min.as_dvec3() + (bounds.max - bounds.min).as_dvec3() * at;
+            let q = clip * p.extend(1.0);
+            let in_view = q.w > NEAR && q.x.abs() < q.w && q.y.abs() < q.w;
+            in_view && misses(others(), eye + (p - eye) * (NEAR / q.w), p)
+        })
+    };
+    all.iter(scene).filter(|id| !seen.contains(id)).filter(|&id| is_reached(id)).collect()
+}
+
+/// Distance in metres of the near plane of the harness's views.
+const NEAR: f64 = 0.1;
+
 /// Returns a perspective view from a random eye near the origin, towards the origin.
 fn view(rng: &mut Random) -> View {
     let eye = rng.vector(12.0);
-    View::perspective(Pose::look_at(eye, rng.vector(3.0), DVec3::Z), 1.2, 1.5, 0.1, 1e3).unwrap()
+    View::perspective(Pose::look_at(eye, rng.vector(3.0), DVec3::Z), 1.2, 1.5, NEAR, 1e3).unwrap()
 }
 
 /// Returns a scene of 150 objects around the origin with one triangle each, and ten walls with box-shaped

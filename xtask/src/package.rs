@@ -7,8 +7,9 @@ use std::process::{Command, Output};
 /// Files that every package must contain.
 const REQUIRED: [&str; 4] = ["LICENSE-APACHE", "LICENSE-MIT", "README.md", "src/lib.rs"];
 
-/// Creates the packages of all published crates without building them. Prints each warning and each missing
-/// file, and returns their number.
+/// Creates the packages of all published crates without building them. Prints the crates in the order in which
+/// they can be published, each warning and each missing file, and returns the number of warnings and missing
+/// files.
 ///
 /// # Errors
 ///
@@ -18,6 +19,10 @@ pub(crate) fn check(root: &Path) -> Result<usize, String> {
     let all = names.iter().flat_map(|name| ["-p", name]);
     let output = cargo(Command::new("cargo").args(["package", "--no-verify"]).args(all), root)?;
     let messages = String::from_utf8_lossy(&output.stderr).into_owned();
+    // Cargo packages a crate after those that it needs.
+    let packaged = messages.lines().filter_map(|line| line.trim_start().strip_prefix("Packaging "));
+    let order: Vec<&str> = packaged.filter_map(|line| line.split(' ').next()).collect();
+    println!("order of publishing: {}", order.join(" "));
     let mut found: Vec<String> =
         messages.lines().filter(|line| line.starts_with("warning")).map(str::to_owned).collect();
     for name in &names {

@@ -167,18 +167,20 @@ fn within<S: HiddenSets>(
     let [mut loaded, mut dropped, mut peak] = [0; 3];
     let [mut complete, mut late] = [0; 2];
     let mut hidden = Bits::EMPTY;
+    // The cameras of the walk show all layers.
+    let layers = [u32::MAX];
     for frame in 0..world.views.len() {
         let (eye, velocity) = motion(world, frame);
         let places: Vec<DVec3> =
             (0..=10).map(|i| eye + velocity * (arguments.ahead * f64::from(i) / 10.0)).collect();
         work(sets, &places);
         let boxes: Vec<[DVec3; 2]> = places.iter().map(around).collect();
-        residency.update(&world.scene, sets, &boxes, size, (arguments.rate * 1e3) as u64);
+        residency.update(&world.scene, sets, &layers, &boxes, size, (arguments.rate * 1e3) as u64);
         loaded += residency.loads().iter().map(|load| load.bytes).sum::<u64>();
         dropped += residency.drops().iter().map(|drop| drop.bytes).sum::<u64>();
         peak = peak.max(residency.bytes());
         complete += usize::from(residency.is_complete());
-        late += usize::from(!sets.write_hidden(&world.scene, boxes[0][0], boxes[0][1], &mut hidden));
+        late += usize::from(!sets.write_hidden(&world.scene, &layers, boxes[0][0], boxes[0][1], &mut hidden));
     }
     let mb = |bytes: u64| bytes as f64 / 1e6;
     println!(

@@ -13,7 +13,6 @@ use visibility_examples::source::{check_hints, parse_hint};
 use visibility_examples::walkthrough::bake_advice::BakeEstimate;
 use visibility_examples::walkthrough::canvas::{Canvas, save_animation};
 use visibility_examples::walkthrough::judge::Judgement;
-use visibility_examples::walkthrough::palette::PAPER;
 use visibility_examples::walkthrough::{
     Trial, World, aimed_rays, auto, cells_picture, cullers, explain, eye_picture, freeze, judge, map_picture,
     output, run,
@@ -257,8 +256,7 @@ impl Album<'_> {
             let eye =
                 eye_picture::draw(world, &world.views[frame], eye_picture::Shown { only: None, marked })?;
             let shown = map_picture::Shown { frame, trial: trials.len().saturating_sub(1), marked };
-            let map = map_picture::draw(world, trials, judgement, shown)?.halved();
-            pictures.push(eye.beside(&map, PAPER));
+            pictures.push(map_picture::draw_beside(&eye, world, trials, judgement, shown)?);
             bar.step();
         }
         Ok(save_animation(path, &pictures, FRAME_MS)?)

@@ -139,6 +139,19 @@ impl Canvas {
         half
     }
 
+    /// Returns this picture with another below it. What is to the right of the narrower of the two has the
+    /// color `ground`.
+    #[must_use]
+    pub fn above(&self, below: &Self, ground: Color) -> Self {
+        let mut both = Self::new(self.width.max(below.width), self.height + below.height, ground);
+        for (picture, top) in [(self, 0), (below, i64::from(self.height))] {
+            for (row, pixels) in (top..).zip(picture.pixels.chunks(picture.width.max(1) as usize)) {
+                (0..).zip(pixels).for_each(|(column, &color)| both.set(column, row, color));
+            }
+        }
+        both
+    }
+
     /// Returns this picture with another to the right of it. What is below the lower of the two has the color
     /// `ground`.
     #[must_use]
@@ -156,19 +169,36 @@ impl Canvas {
 /// Writes pictures of one size as a PNG [file](write_with), replacing a file of that name: an animation that
 /// repeats without end, in which each picture is shown for a time in milliseconds. A viewer without animation
 /// shows the first. Returns a message with the path if that fails, also if there is no picture.
+///
+/// A pixel that is as in the picture before is written as transparent: most pixels of a map are, and the file
+/// is then a third as large.
 pub fn save_animation(path: &Path, pictures: &[Canvas], milliseconds: u16) -> Result<(), String> {
     let first = pictures.first().ok_or_else(|| format!("{}: there are no pictures", path.display()))?;
     write_with(path, |out| {
         let mut encoder = png::Encoder::new(out, first.width, first.height);
-        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_color(png::ColorType::Rgba);
         encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(png::Compression::High);
+        // Neighbouring pixels are of one color, or of two that have nothing in common.
+        encoder.set_filter(png::Filter::NoFilter);
         if pictures.len() > 1 {
             encoder.set_animated(pictures.len() as u32, 0)?;
             encoder.set_frame_delay(milliseconds, 1000)?;
+            encoder.set_blend_op(png::BlendOp::Over)?;
         }
         let mut writer = encoder.write_header()?;
+        let mut before: &[Color] = &[];
         for picture in pictures {
-            writer.write_image_data(picture.pixels.as_flattened())?;
+            let pixels: Vec<[u8; 4]> = (0..)
+                .zip(&picture.pixels)
+                .map(
+                    |(at, color @ &[r, g, b])| {
+                        if before.get(at) == Some(color) { [0; 4] } else { [r, g, b, 255] }
+                    },
+                )
+                .collect();
+            writer.write_image_data(pixels.as_flattened())?;
+            before = &picture.pixels;
         }
         writer.finish()
     })
@@ -191,11 +221,22 @@ mod tests {
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         for color in colors {
             reader.next_frame(&mut pixels).unwrap();
-            let (pixel, below) = (&pixels[18..21], &pixels[3 * 7 + 18..3 * 7 + 21]);
-            assert_eq!((pixel, below), (&color[..], &[9; 3][..]), "the right picture, and what is below it");
+            let at = |column: usize, row: usize| &pixels[4 * (7 * row + column)..][..4];
+            let [r, g, b] = color;
+            assert_eq!(at(6, 0), [r, g, b, 255], "the right picture");
+            // What is below it never changes, and is written once.
+            let below = if color == colors[0] { [9, 9, 9, 255] } else { [0; 4] };
+            assert_eq!(at(6, 1), below, "what is below the right picture");
         }
         std::fs::remove_file(&path).unwrap();
         assert!(save_animation(&path, &[], 40).is_err(), "no pictures");
+    }
+
+    #[test]
+    fn a_picture_above_another_keeps_both() {
+        let both = Canvas::new(2, 1, [1; 3]).above(&Canvas::new(1, 2, [2; 3]), [9; 3]);
+        assert_eq!((both.width, both.height), (2, 3), "size");
+        assert_eq!(both.pixels, [[1; 3], [1; 3], [2; 3], [9; 3], [2; 3], [9; 3]], "rows from above");
     }
 
     #[test]

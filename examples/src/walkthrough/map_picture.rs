@@ -35,6 +35,16 @@ pub struct Shown {
     pub marked: Option<u32>,
 }
 
+/// Meaning of the colors.
+const MEANINGS: [(Color, &str); 6] = [
+    (VISIBLE, "visible"),
+    (REPORTED, "reported, not visible"),
+    (HIDDEN, "culled"),
+    (LOST, "visible, but culled"),
+    (VIEW, "eye and frustum"),
+    (WALK, "walk"),
+];
+
 /// Draws the map of one frame of a trial, with the legend below it.
 ///
 /// # Errors
@@ -46,10 +56,50 @@ pub fn draw(
     judgement: &Judgement,
     shown: Shown,
 ) -> Result<Canvas, MeasureError> {
+    let map = draw_map(world, trials, judgement, shown)?;
+    let mut legend = Canvas::new(map.width, LEGEND, PAPER);
+    let [name, counts] = title(world, trials, judgement, shown);
+    legend.text(10, 8, &format!("{name}: {counts}"), INK);
+    legend.legend(10, 28, &MEANINGS, INK);
+    Ok(map.above(&legend, PAPER))
+}
+
+/// Draws a picture from the eye with the legend below it, and beside both the map of its frame at half its
+/// size.
+///
+/// # Errors
+///
+/// Returns [`MeasureError`] when the item buffer cannot draw the map.
+pub fn draw_beside(
+    eye: &Canvas,
+    world: &World,
+    trials: &[Trial],
+    judgement: &Judgement,
+    shown: Shown,
+) -> Result<Canvas, MeasureError> {
+    let map = draw_map(world, trials, judgement, shown)?.halved();
+    let mut legend = Canvas::new(eye.width.max(400), 130, PAPER);
+    for (line, y) in title(world, trials, judgement, shown).iter().zip([10, 28]) {
+        legend.text(10, y, line, INK);
+    }
+    for (place, entry) in (0..).zip(MEANINGS) {
+        legend.legend(10 + place % 2 * 210, 52 + place / 2 * 24, &[entry], INK);
+    }
+    Ok(eye.above(&legend, PAPER).beside(&map, PAPER))
+}
+
+/// Draws the map of one frame of a trial, without a legend. Returns an error when the item buffer cannot draw
+/// the map.
+fn draw_map(
+    world: &World,
+    trials: &[Trial],
+    judgement: &Judgement,
+    shown: Shown,
+) -> Result<Canvas, MeasureError> {
     let Shown { frame, trial: index, marked } = shown;
     let trial = &trials[index];
     let map = Map::new(world);
-    let mut canvas = Canvas::new(map.width, map.height + LEGEND, PAPER);
+    let mut canvas = Canvas::new(map.width, map.height, PAPER);
     let exact = &judgement.exact[frame];
     let lost = &judgement.verdicts[index].hidden[frame];
     let reported = &trial.reported[frame];
@@ -65,7 +115,6 @@ pub fn draw(
         }
     };
     map.paint(&mut canvas, world, |_, _| true, color)?;
-    let legend_at = map.height;
 
     let poses: Vec<_> = world.poses.iter().filter(|(_, walk)| *walk == world.poses[frame].1).collect();
     for pair in poses.windows(2) {
@@ -89,32 +138,19 @@ pub fn draw(
             canvas.disc(map.place(middle), 14.0, true, color);
         }
     }
-    canvas.rectangle(0, legend_at.into(), map.width.into(), LEGEND.into(), PAPER);
-    legend(&mut canvas, legend_at, world, trial, frame, [exact.len(), reported.len(), lost.len()]);
     Ok(canvas)
 }
 
-/// Draws the legend below row `top`. `counts` are the numbers of visible, reported and lost objects.
-fn legend(canvas: &mut Canvas, top: u32, world: &World, trial: &Trial, frame: usize, counts: [usize; 3]) {
-    let top = i64::from(top) + 8;
-    let [exact, reported, lost] = counts;
-    let title = format!(
-        "{} from above, frame {frame}, culler {} ({}): {} objects, {exact} visible, {reported} reported, {lost} lost",
-        world.source.name,
-        trial.name,
-        trial.accuracy,
-        world.scene.len(),
-    );
-    canvas.text(10, top, &title, INK);
-    let entries = [
-        (VISIBLE, "visible"),
-        (REPORTED, "reported, not visible"),
-        (HIDDEN, "culled"),
-        (LOST, "visible, but culled"),
-        (VIEW, "eye and frustum"),
-        (WALK, "walk"),
-    ];
-    canvas.legend(10, top + 20, &entries, INK);
+/// Returns what a map shows: scene, frame and culler, and the numbers of objects.
+fn title(world: &World, trials: &[Trial], judgement: &Judgement, shown: Shown) -> [String; 2] {
+    let Shown { frame, trial, .. } = shown;
+    let Trial { name, accuracy, reported, .. } = &trials[trial];
+    let [exact, reported, lost] =
+        [&judgement.exact[frame], &reported[frame], &judgement.verdicts[trial].hidden[frame]].map(Vec::len);
+    [
+        format!("{} from above, frame {frame}, culler {name} ({accuracy})", world.source.name),
+        format!("{} objects, {exact} visible, {reported} reported, {lost} lost", world.scene.len()),
+    ]
 }
 
 /// Mapping from world space to pixels of the map, which is a parallel projection along the up axis.

@@ -259,6 +259,10 @@ impl Culler for BakedCuller {
         if is_checked { Accuracy::Conservative } else { Accuracy::Approximate }
     }
 
+    fn hides_behind_undrawn(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let Sets::Of(sets) = self.sets() else {
             return CullStats::default().with_visible(visible.count(scene) as u64);

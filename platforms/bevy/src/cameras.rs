@@ -109,6 +109,10 @@ impl Culler for WhereOccluders {
         self.0.accuracy()
     }
 
+    fn hides_behind_undrawn(&self) -> bool {
+        self.0.hides_behind_undrawn()
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         if scene.occluder_count() > 0 {
             return self.0.cull(scene, view, visible);

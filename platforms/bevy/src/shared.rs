@@ -40,6 +40,14 @@ impl<C: Culler> Culler for Shared<C> {
         self.lock().accuracy()
     }
 
+    fn hides_behind_undrawn(&self) -> bool {
+        self.lock().hides_behind_undrawn()
+    }
+
+    fn follows_sizes(&self) -> bool {
+        self.lock().follows_sizes()
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.lock().cull(scene, view, visible)
     }

@@ -338,13 +338,14 @@ enum vis_status vis_cells_create(const struct vis_graph *graph,
                                  double tolerance,
                                  struct vis_cells **cells);
 
-// Makes cells and portals from the triangles of a scene's occluders, where they are now: space is divided
-// along large walls, and every gap between triangles becomes an open portal. `max_cells` is the greatest
-// number of cells; 0 for the default, 16,384. Writes the number of cells to `cell_count`, which may be null.
-// It is 0 where all space sees the backs of one-sided triangles: a culler with such cells hides nothing.
-// What an occluder does after this call counts no more, so make cells of what stands still. Occluders of
-// all layers count, so cull with such cells only views that show them all. Takes from milliseconds to
-// minutes.
+// Makes cells and portals from the triangles of a scene's occluders that are always drawn, where they are
+// now: space is divided along large walls, and every gap between triangles becomes an open portal. An
+// occluder with a draw range, an HLOD parent or HLOD children is not always drawn, nor is one on no layer:
+// it is no wall. `max_cells` is the greatest number of cells; 0 for the default, 16,384. Writes the number
+// of cells to `cell_count`, which may be null. It is 0 where all space sees the backs of one-sided
+// triangles: a culler with such cells hides nothing. What an occluder does after this call counts no more,
+// so make cells of what stands still. Occluders of all layers count, so cull with such cells only views that
+// show them all. Takes from milliseconds to minutes.
 enum vis_status vis_cells_create_of_scene(const struct vis_scene *scene,
                                           size_t max_cells,
                                           struct vis_cells **cells,

@@ -10,6 +10,7 @@ use visibility_core::bake::Bake;
 use visibility_core::cells::{CellGraph, CellId, PortalId};
 use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::level_version::level_object;
 use visibility_portals::from_geometry::{PolygonSettings, Subdivision, from_polygons};
 use visibility_portals::{BakerSettings, CellBaker, Passage, SceneCells, prt};
 
@@ -171,13 +172,14 @@ pub unsafe extern "C" fn vis_cells_create(
     })
 }
 
-/// Makes cells and portals from the triangles of a scene's occluders, where they are now: space is divided
-/// along large walls, and every gap between triangles becomes an open portal. `max_cells` is the greatest
-/// number of cells; 0 for the default, 16,384. Writes the number of cells to `cell_count`, which may be null.
-/// It is 0 where all space sees the backs of one-sided triangles: a culler with such cells hides nothing.
-/// What an occluder does after this call counts no more, so make cells of what stands still. Occluders of
-/// all layers count, so cull with such cells only views that show them all. Takes from milliseconds to
-/// minutes.
+/// Makes cells and portals from the triangles of a scene's occluders that are always drawn, where they are
+/// now: space is divided along large walls, and every gap between triangles becomes an open portal. An
+/// occluder with a draw range, an HLOD parent or HLOD children is not always drawn, nor is one on no layer:
+/// it is no wall. `max_cells` is the greatest number of cells; 0 for the default, 16,384. Writes the number
+/// of cells to `cell_count`, which may be null. It is 0 where all space sees the backs of one-sided
+/// triangles: a culler with such cells hides nothing. What an occluder does after this call counts no more,
+/// so make cells of what stands still. Occluders of all layers count, so cull with such cells only views that
+/// show them all. Takes from milliseconds to minutes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_create_of_scene(
     scene: *const vis_scene,
@@ -192,7 +194,12 @@ pub unsafe extern "C" fn vis_cells_create_of_scene(
         let count = unsafe { optional_out(cell_count, "cell_count") }?;
         let scene = &scene.read()?.scene;
         let (mut polygons, mut one_sided) = (Vec::new(), Vec::new());
-        for (mesh, transform) in scene.ids().filter_map(|id| scene.occluder(id)) {
+        // What is not drawn in every frame is no wall: cells are for many frames, and never ask the set.
+        let walls = scene.ids().filter_map(|id| {
+            let (object, occluder) = level_object(scene, id)?;
+            occluder.filter(|_| object.layers != 0)
+        });
+        for (mesh, transform) in walls {
             let world = |&at: &Vec3| scene.origin() + transform.transform_point3(at).as_dvec3();
             let vertices: Vec<DVec3> = mesh.positions().iter().map(world).collect();
             let corners = |triangle: &[u32; 3]| triangle.map(|i| vertices.get(i as usize).copied());

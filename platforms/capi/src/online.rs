@@ -45,6 +45,10 @@ impl Culler for SharedOnline {
         Accuracy::Conservative
     }
 
+    fn hides_behind_undrawn(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         match lock(&self.0) {
             Ok(mut online) => online.cull(scene, view, visible),

@@ -122,6 +122,39 @@ fn an_answer_for_a_reach_is_kept_and_told_from_others() {
 }
 
 #[test]
+fn cells_of_a_scene_have_walls_only_where_an_occluder_is_always_drawn() {
+    let count_of = |scene| {
+        let (mut cells, mut count) = (null_mut(), 0);
+        // SAFETY: the scene is live.
+        unsafe {
+            ok(vis_cells_create_of_scene(scene, 0, &raw mut cells, &raw mut count));
+            vis_cells_destroy(cells);
+        }
+        count
+    };
+    let (scene, [wall, lamp]) = street(9.0);
+    let (walled, open) = (count_of(scene), count_of(make(vis_scene_create)));
+    assert!(walled > open, "a wall that is always drawn: {walled} cells, without it {open}");
+    // SAFETY: the scene is live.
+    unsafe {
+        ok(vis_scene_set_draw_range(scene, wall, 0.0, 50.0));
+        assert_eq!(count_of(scene), open, "a wall that is drawn up to 50 m");
+        ok(vis_scene_set_draw_range(scene, wall, 0.0, f32::INFINITY));
+        assert_eq!(count_of(scene), walled, "the wall is always drawn again");
+        ok(vis_scene_set_hlod_parent(scene, lamp, wall));
+        assert_eq!(count_of(scene), open, "a wall with an HLOD child");
+        ok(vis_scene_set_hlod_parent(scene, lamp, VIS_NO_OBJECT));
+        ok(vis_scene_set_hlod_parent(scene, wall, lamp));
+        assert_eq!(count_of(scene), open, "a wall with an HLOD parent");
+        ok(vis_scene_set_hlod_parent(scene, wall, VIS_NO_OBJECT));
+        ok(vis_scene_set_layers(scene, wall, 0));
+        assert_eq!(count_of(scene), open, "a wall on no layer");
+        ok(vis_scene_set_layers(scene, wall, 2));
+        assert_eq!(count_of(scene), walled, "a wall on another layer");
+    }
+}
+
+#[test]
 fn cells_of_a_scene_hide_what_is_behind_its_walls() {
     let (scene, _) = street(9.0);
     let (mut cells, mut count) = (null_mut(), 0);

@@ -60,6 +60,7 @@ struct Relative<const N: usize> {
 
 /// Bounds of the parts of boxes that lie in the wedge of a face (the quarter of the plan that the face
 /// shows), one box per lane.
+#[derive(Debug)]
 struct Parts<const N: usize> {
     /// Whether each box meets the wedge. If not, the lane's other entries are meaningless.
     meets: [bool; N],
@@ -320,5 +321,70 @@ impl Columns {
             let (first, last) = (from as usize, to.max(0.0) as usize);
             !is_seen || first > last || each(face, first, last, parts.high[0])
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::Random;
+
+    /// Bounds of a box's part in a face hold each point of the box there, relative to the exact eye, far from
+    /// the origin and with errors of the eye, which are large here. Compared in `f64`, whose rounding is
+    /// 2^-29 of that of `f32`.
+    #[test]
+    fn parts_of_boxes_hold_their_points() {
+        let mut random = Random(1);
+        let (half, mut met) = (8192.0, 0);
+        for trial in 0..30_000 {
+            let far = [0.0, 1e2, 1e5][trial % 3];
+            let mut frame = Frame::BLIND;
+            let eye = random.fine_vector(far);
+            frame.eye = eye.to_array();
+            frame.error = [0.0, 0.01][random.below(2)];
+            let around = 10f64.powf(random.range(-1.0, 2.0));
+            let min = (eye + random.fine_vector(around)).as_vec3();
+            let size = if random.one_in(2) { 0.0 } else { around * 0.2 };
+            let max = min + random.vec3(0.0, size);
+            let query = QueryEye::new(&frame);
+            let [x, y, z] = [0, 1, 2].map(|axis| [[min[axis]], [max[axis]]]);
+            let relative = Relative::<1>::new(&query, [[&x[0], &x[1]], [&y[0], &y[1]], [&z[0], &z[1]]]);
+            let parts = [
+                relative.parts::<0>(half),
+                relative.parts::<1>(half),
+                relative.parts::<2>(half),
+                relative.parts::<3>(half),
+            ];
+            let exact_eye = eye + random.direction() * frame.error;
+            for corner in 0..8 {
+                let at = [0, 1, 2]
+                    .map(|k| f64::from(if corner >> k & 1 == 0 { min[k] } else { max[k] }) - exact_eye[k]);
+                for (face, part) in parts.iter().enumerate() {
+                    let (depth, lateral) = crate::horizon::frame::turned(face, at[0], at[1]);
+                    if depth <= lateral.abs() {
+                        continue;
+                    }
+                    let what = || std::format!("trial {trial}: {at:?} in face {face}, {part:?}");
+                    // A box that reaches above or below the eye is tested before.
+                    let is_beside = relative.x[0][0] > 0.0
+                        || relative.x[1][0] < 0.0
+                        || relative.y[0][0] > 0.0
+                        || relative.y[1][0] < 0.0;
+                    if !is_beside {
+                        continue;
+                    }
+                    assert!(part.meets[0], "{}: meets the face", what());
+                    let half = f64::from(half);
+                    let column = half + half * lateral / depth;
+                    let (from, to) = (f64::from(part.from[0]), f64::from(part.to[0]));
+                    assert!(from <= column && column <= to, "{}: columns", what());
+                    let (low, high) = (f64::from(part.low[0]), f64::from(part.high[0]));
+                    assert!(low <= at[2] / depth && at[2] / depth <= high, "{}: heights", what());
+                    assert!(f64::from(part.inverse_depth[0]) >= 1.0 / depth, "{}: depth", what());
+                    met += 1;
+                }
+            }
+        }
+        assert!(met > 30_000, "{met} points are in faces");
     }
 }

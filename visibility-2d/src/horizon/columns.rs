@@ -573,4 +573,47 @@ mod tests {
             }
         }
     }
+
+    /// Steps of a column hide, at each height, no more than the steps that were added to it. The first ones,
+    /// as many as there is room for, hide all that they hid alone.
+    #[test]
+    fn steps_of_a_column_hide_what_was_added() {
+        let mut random = visibility_testing::Random(1);
+        for trial in 0..1_000 {
+            let (mut block, mut added) = (Block::OPEN, Vec::new());
+            for _ in 0..6 {
+                let [a, b] = [(); 2].map(|()| random.below(7) as f32);
+                let step =
+                    Step { inverse_depth: 1.0 + random.below(4) as f32, low: a.min(b), high: a.max(b) + 1.0 };
+                insert(&mut block, 3, step);
+                added.push(step);
+                // At half of each height and inverse depth, so that no two numbers are equal.
+                for (low, high) in
+                    (0..8).flat_map(|low| (low..8).map(move |high| (low as f32 + 0.5, high as f32 + 0.5)))
+                {
+                    for behind in [0.5, 1.5, 2.5, 3.5] {
+                        let is_hidden = block.hides(behind, low, high) == 1 << 3;
+                        let holds = |at: f32| {
+                            added
+                                .iter()
+                                .any(|step| step.inverse_depth > behind && step.low <= at && at <= step.high)
+                        };
+                        let is_held =
+                            (0..=14).map(|i| low + 0.5 * i as f32).filter(|at| *at <= high).all(holds);
+                        assert!(
+                            !is_hidden || is_held,
+                            "trial {trial}: {low} to {high}, {behind} by {added:?}"
+                        );
+                        let alone =
+                            |step: &Step| step.inverse_depth > behind && step.low < low && high < step.high;
+                        let is_own = added.len() <= STEPS && added.iter().any(alone);
+                        assert!(
+                            is_hidden || !is_own,
+                            "trial {trial}: {low} to {high}, {behind} by {added:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
 }

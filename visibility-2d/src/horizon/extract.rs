@@ -9,6 +9,7 @@ use super::frame::UpAxis;
 use super::outline::Post;
 use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
+use visibility_core::geometry::keeps_orientation;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::union_find::root;
 
@@ -236,7 +237,7 @@ impl Solids {
         let top = corners.iter().filter(|t| t.iter().all(|p| p[2] == high));
         let covered: f64 = top.map(|t| area(&t.map(|p| [p[0], p[1]]))).sum::<f64>() / area(&hull);
         // A one-sided mesh only occludes from outside if it faces outwards.
-        let is_mirrored = transform.matrix3.determinant() <= 0.0;
+        let is_mirrored = keeps_orientation(transform) != Some(true);
         let is_covered = if mesh.is_two_sided() { covered.abs() } else { covered } > 0.5;
         if !is_covered || is_mirrored && !mesh.is_two_sided() {
             return None;
@@ -358,6 +359,10 @@ mod tests {
         assert_eq!(count(&house, false, mirror), 0, "the front of a mirrored triangle stays its front");
         assert_eq!(count(&turned, false, mirror), 0, "a mirrored room is a room");
         assert_eq!(count(&house, true, mirror), 1, "a mirrored house, two-sided");
+        let tiny = Vec3::splat(1e-16);
+        assert_eq!(count(&house, false, Affine3A::from_scale(tiny)), 1, "a house of scales that underflow");
+        let mirror = Affine3A::from_scale(tiny * Vec3::new(-1.0, 1.0, 1.0));
+        assert_eq!(count(&house, false, mirror), 0, "a mirrored house of scales that underflow");
     }
 
     #[test]

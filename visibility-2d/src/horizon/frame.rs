@@ -191,3 +191,92 @@ fn seen_columns(projection: &ViewProjection, up: UpAxis) -> Option<[Range<f64>; 
         })
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::Random;
+
+    /// A ball or a box is beyond the near plane if it is by more than its radius and the errors, which are
+    /// large here. Half of an error would not do.
+    #[test]
+    fn what_is_beyond_the_near_plane_is_so_in_spite_of_errors() {
+        let near = |error| ClipRow { linear: DVec3::X, constant: 0.0, error };
+        for (error, radius, least) in [(0.0, 0.1, 0.1), (0.1, 0.0, 0.1), (0.1, 0.1, 0.2)] {
+            let frame = Frame { near: near(error), ..Frame::BLIND };
+            for (x, is_beyond) in [(0.99 * least, false), (3.0 * least, true)] {
+                assert_eq!(frame.is_beyond_near([x, 0.0, 0.0], radius), is_beyond, "{x}: {error}, {radius}");
+                let [min, max] = [[x, -9.0, -9.0], [9.0; 3]];
+                assert_eq!(
+                    frame.is_box_beyond_near(min, max, radius),
+                    is_beyond,
+                    "from {x}: {error}, {radius}"
+                );
+                let frame = Frame { near: ClipRow { linear: DVec3::NEG_X, ..near(error) }, ..Frame::BLIND };
+                let [min, max] = [[-9.0; 3], [-x, 9.0, 9.0]];
+                assert_eq!(
+                    frame.is_box_beyond_near(min, max, radius),
+                    is_beyond,
+                    "to {x}: {error}, {radius}"
+                );
+            }
+        }
+    }
+
+    /// Directions in the view are in the columns in view, for views whose rows are nearly in one plane as
+    /// well.
+    #[test]
+    fn columns_in_view_hold_all_directions_of_the_view() {
+        let mut random = Random(1);
+        let (mut known, mut held) = (0, 0);
+        for trial in 0..20_000 {
+            // Directions of the right and the upper side of the picture, and of its middle.
+            let flat = [1.0, 1e-3, 1e-7][trial % 3];
+            let middle = random.direction();
+            let [right, above] = [(); 2].map(|()| random.direction() * random.range(0.05, 0.9) * flat);
+            let columns = DMat3::from_cols(right, above, middle);
+            let rows = columns.inverse().transpose();
+            let matrix = visibility_core::glam::DMat4::from_cols(
+                rows.x_axis.extend(0.0),
+                rows.y_axis.extend(0.0),
+                (rows.z_axis * 0.5).extend(-0.1),
+                rows.z_axis.extend(0.0),
+            );
+            let Ok(view) =
+                View::from_clip_from_world(matrix.transpose(), visibility_core::view::Depth::ZeroToOne)
+            else {
+                continue;
+            };
+            let projection = ViewProjection::new(&view, DVec3::ZERO);
+            let Some(seen) = seen_columns(&projection, UpAxis::Z) else { continue };
+            known += 1;
+            // Corners of the picture, the directions that the rows map to them.
+            for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
+                let at = middle + right * x + above * y;
+                for (face, seen) in seen.iter().enumerate() {
+                    let (depth, lateral) = turned(face, at.x, at.y);
+                    if depth > lateral.abs() {
+                        let part = 0.5 + 0.5 * lateral / depth;
+                        assert!(
+                            seen.start <= part && part <= seen.end,
+                            "trial {trial}: {at} at {part} of face {face}, {seen:?}"
+                        );
+                        held += 1;
+                    }
+                }
+            }
+        }
+        assert!(known > 2_000 && held > 5_000, "{known} views with a sector, {held} directions in it");
+    }
+
+    #[test]
+    fn the_error_of_a_frame_is_that_of_the_eye() {
+        let eye = DVec3::new(1e6, 2e6, 3e6);
+        let pose = visibility_core::Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap();
+        let far = View::from_clip_from_world(view.clip_from(DVec3::ZERO), view.depth()).unwrap();
+        let frame = Frame::new(&far, DVec3::ZERO, UpAxis::Z);
+        let error = ViewProjection::new(&far, DVec3::ZERO).eye_error();
+        assert!(error > 0.0 && frame.error == error, "{} of {error}", frame.error);
+    }
+}

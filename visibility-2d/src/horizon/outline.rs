@@ -367,3 +367,78 @@ impl Edge {
         (self.inverse_depth + self.inverse_depth_slope * along, self.height + self.slope * along)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::columns::{BLOCK, Columns};
+    use super::*;
+    use visibility_testing::Random;
+
+    /// Number of columns of each face.
+    const COUNT: usize = 16;
+
+    /// Returns whether columns hide a surface in the column at a position, at a height in the picture and an
+    /// inverse depth.
+    fn hides(columns: &Columns, at: f64, height: f64, inverse_depth: f64) -> bool {
+        let column = at as usize;
+        let block = columns.face(0)[column / BLOCK];
+        block.hides(inverse_depth as f32, height as f32, height as f32) >> (column % BLOCK) & 1 != 0
+    }
+
+    /// What a panel hides is behind the exact panel, as seen from the exact eye, wherever both are within
+    /// their errors, which are large here; so for a wall of one panel and for a flat solid.
+    #[test]
+    fn a_panel_hides_what_is_behind_the_exact_panel() {
+        let mut random = Random(1);
+        let (mut columns, mut hidden) = (Columns::new(COUNT), 0);
+        for trial in 0..20_000 {
+            let mut large = || [0.0, 0.02, 0.02 * random.unit()][random.below(3)];
+            let (mut frame, error) = (Frame::BLIND, large());
+            frame.error = large();
+            let (near, height) = (random.range(1.0, 2.0), random.range(0.5, 1.0));
+            // Half of the panels are across the face, and level.
+            let is_level = random.one_in(2);
+            let mut post = |y: f64| {
+                let turn = |random: &mut Random| if is_level { 0.0 } else { random.range(0.0, 0.4) };
+                let (x, high) = (near + turn(&mut random), height + turn(&mut random));
+                Post { x, y: x * y, low: -height - turn(&mut random), high }
+            };
+            let posts = [post(0.7), post(-0.6)];
+            columns.begin(&frame);
+            if trial % 2 == 0 {
+                columns.draw_wall(&frame, &posts, error, true);
+            } else {
+                columns.draw_solid(&frame, &posts, error);
+            }
+            // The exact panel is smaller and farther away, and the exact eye is farther back or aside.
+            let mut off = |size: f64| {
+                let axis = random.below(3);
+                let mut off = [0.0; 3];
+                off[axis] = if random.one_in(2) { size } else { -size };
+                off
+            };
+            let (eye, moved) = (off(frame.error), off(error));
+            let relative = posts.map(|post| {
+                let [x, y] = [post.x + moved[0] - eye[0], post.y + moved[1] * post.y.signum() - eye[1]];
+                [x, y, post.low + moved[2].abs() - eye[2], post.high - moved[2].abs() - eye[2]]
+            });
+            let at = |y: f64| 0.5 * COUNT as f64 * (1.0 + y);
+            for _ in 0..8 {
+                let part = [0.0, 1.0, random.unit()][random.below(3)];
+                let [x, y, low, high] =
+                    [0, 1, 2, 3].map(|i| relative[0][i] + (relative[1][i] - relative[0][i]) * part);
+                let what =
+                    || std::format!("trial {trial}: {posts:?} off by {moved:?}, eye by {eye:?}, {part}");
+                let (column, middle) = (at(y / x), 0.5 * (low + high) / x);
+                assert!(!hides(&columns, column, high / x + 1e-6, 0.01), "{}, above", what());
+                assert!(!hides(&columns, column, low / x - 1e-6, 0.01), "{}, below", what());
+                assert!(!hides(&columns, column, middle, (1.0 + 1e-6) / x), "{}, before", what());
+                let is_end = part == 0.0 || part == 1.0;
+                let is_hidden = hides(&columns, column, middle, 0.01);
+                assert!(!is_hidden || !is_end, "{}, the column of its end", what());
+                hidden += u32::from(is_hidden);
+            }
+        }
+        assert!(hidden > 5_000, "{hidden} points behind panels are hidden");
+    }
+}

@@ -63,8 +63,14 @@ pub(crate) fn seen_from(triangle: [Vector; 3], walls: &[[Vector; 2]], vertices: 
                     } else {
                         all.max_by(|a, b| order(*a, *b))
                     };
-                    for (hit, seen) in hits.iter().zip(&mut seen) {
-                        *seen |= hit.zip(nearest).is_some_and(|(a, b)| order(a, b) == Ordering::Equal);
+                    let is_hit = |&i: &usize| {
+                        hits[i].zip(nearest).is_some_and(|(a, b)| order(a, b) == Ordering::Equal)
+                    };
+                    let hit: Vec<usize> = (0..walls.len()).filter(is_hit).collect();
+                    // A line through the point where walls cross is not inside a set of lines either.
+                    let direction = |i: usize| minus(walls[i][1], walls[i][0]);
+                    if hit.iter().all(|&i| cross(direction(i), direction(hit[0])) == 0) {
+                        hit.into_iter().for_each(|i| seen[i] = true);
                     }
                 }
             }

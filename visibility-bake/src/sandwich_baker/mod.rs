@@ -21,6 +21,7 @@ use crate::method_times::MethodTimes;
 use crate::sandwich_outcome::SandwichOutcome;
 use crate::scratch_file::lock;
 use crate::settings::SandwichSettings;
+use crate::spans;
 use crate::tiled_scene::TiledScene;
 use crate::time_plan::{BOXES, GROUP, LOOK, STAGES, SWEEP, TimePlan};
 use group::Slot;
@@ -326,7 +327,8 @@ impl Baker for SandwichBaker<'_> {
                 *scratch = BakeScratch::default();
                 self.release_groups();
             }
-            let found = self.attempt(item, scratch, stop);
+            let number = self.range.start + place;
+            let found = spans::stage(number, stage, || self.attempt(item, scratch, stop));
             match &found {
                 Ok(Some(Some(found))) => self.end_stages(of, stage..found.next),
                 Err(LevelError::Memory { .. }) if !is_alone => {}

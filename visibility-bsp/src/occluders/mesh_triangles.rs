@@ -4,12 +4,13 @@ use super::outline::OccluderTriangle;
 use crate::clip_projection::U;
 use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
+use visibility_core::geometry::keeps_orientation;
 use visibility_core::glam::{Affine3A, DVec3};
 
 /// Appends the triangles of a mesh, transformed to metres relative to `Scene::origin`, with `source` as their
 /// object. `closed` tells whether the mesh encloses a volume. The triangles of a two-sided mesh also hide for
 /// eyes behind them if the mesh is not closed; if closed, they are turned outwards. Appends nothing if a
-/// position is not finite. Returns a bound on the error of each coordinate of the corners, in metres.
+/// position is not finite, or if the transform flattens the mesh. Returns a bound on the error of each coordinate of the corners, in metres.
 pub(crate) fn triangles_of(
     mesh: &OccluderMesh,
     transform: &Affine3A,
@@ -27,12 +28,12 @@ pub(crate) fn triangles_of(
         }
         placing_error = placing_error.max(error);
     }
-    let mirrored = transform.matrix3.determinant() < 0.0;
+    let Some(keeps_orientation) = keeps_orientation(transform) else { return 0.0 };
     let first = triangles.len();
     let two_sided = mesh.is_two_sided() && !closed;
     for t in mesh.triangles() {
         let [a, b, c] = t.map(at);
-        let corners = if mirrored { [a, c, b] } else { [a, b, c] };
+        let corners = if keeps_orientation { [a, b, c] } else { [a, c, b] };
         triangles.push(OccluderTriangle { corners, source, two_sided });
     }
     if mesh.is_two_sided() && closed {
@@ -87,4 +88,31 @@ pub(super) fn is_closed(triangles: &[[u32; 3]]) -> bool {
     sides
         .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
         .all(|same| same.iter().filter(|s| s.2).count() * 2 == same.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Vec3;
+
+    /// A triangle that faces up does so after it is mirrored sideways, also where scales are so small that
+    /// the determinant is zero in `f32`.
+    #[test]
+    fn the_front_of_a_mirrored_triangle_stays_its_front() {
+        for scale in [1.0, 1e-16, 1e12] {
+            for sideways in [scale, -scale] {
+                let corners = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p / scale);
+                let mesh = OccluderMesh::from_triangles(&[corners]).unwrap();
+                let transform = Affine3A::from_scale(Vec3::new(sideways, scale, scale));
+                let mut placed = Vec::new();
+                triangles_of(&mesh, &transform, 0, false, &mut placed);
+                let [a, b, c] = placed[0].corners;
+                assert!((b - a).cross(c - a).z > 0.9, "scales {sideways} and {scale}: {a} {b} {c}");
+            }
+        }
+        let (mesh, mut placed) =
+            (OccluderMesh::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]).unwrap(), Vec::new());
+        triangles_of(&mesh, &Affine3A::from_scale(Vec3::new(1.0, 1.0, 0.0)), 0, false, &mut placed);
+        assert!(placed.is_empty(), "a flattened mesh has no front");
+    }
 }

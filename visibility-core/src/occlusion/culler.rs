@@ -281,6 +281,10 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         true
     }
 
+    fn hides_behind_undrawn(&self) -> bool {
+        self.map.has_level()
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.cull_with(None, scene, view, None, visible).unwrap_or_default()
     }

@@ -162,6 +162,13 @@ pub trait OcclusionMap {
         false
     }
 
+    /// Returns whether the map has a level: occluders that it draws by itself when a frame
+    /// [begins](Self::begin), whether or not objects of the frame stand there. False by default. A map that
+    /// wraps another passes the call on.
+    fn has_level(&self) -> bool {
+        false
+    }
+
     /// Returns whether a test takes into account the occluders flushed earlier in the same frame. If false,
     /// as for a device whose answers arrive some frames later, the culler adds all occluders of a frame
     /// before it tests the first box.

@@ -17,9 +17,9 @@ use hashbrown::HashMap;
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[must_use]
 pub struct Preparation {
-    sliver: f32,
-    min_area: f32,
-    two_sided: bool,
+    pub(crate) sliver: f32,
+    pub(crate) min_area: f32,
+    pub(crate) two_sided: bool,
 }
 
 impl Default for Preparation {

@@ -584,6 +584,10 @@ impl<S: Borrow<ScenePvs>> Culler for PvsCuller<S> {
         if is_proven { Accuracy::Conservative } else { Accuracy::Approximate }
     }
 
+    fn hides_behind_undrawn(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.enter(scene, view);
         if !self.is_answered {
@@ -635,11 +639,20 @@ impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
     ///
     /// Reads the rows only if the viewcells are not those of the call before. Always reads the bounds of each
     /// object that the PVS may hide: some nanoseconds for each, seen or not.
-    fn write_hidden(&mut self, scene: &Scene, min: DVec3, max: DVec3, hidden: &mut Bits) -> bool {
+    fn write_hidden(
+        &mut self,
+        scene: &Scene,
+        layers: &[u32],
+        min: DVec3,
+        max: DVec3,
+        hidden: &mut Bits,
+    ) -> bool {
         self.follow(scene);
         let shared = self.shared.borrow();
         let is_usable = min.cmple(max).all() && min.is_finite() && max.is_finite();
-        if !is_usable || self.lost || shared.occluder_layers.contains(&0) {
+        // The mask of an occluder that may be absent is 0, which no view draws.
+        let is_drawn = |occluder: &u32| *occluder != 0 && layers.iter().all(|view| occluder & view != 0);
+        if !is_usable || self.lost || !shared.occluder_layers.iter().all(is_drawn) {
             return false;
         }
         self.entering.clear();

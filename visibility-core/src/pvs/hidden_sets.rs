@@ -16,12 +16,22 @@ use glam::DVec3;
 pub trait HiddenSets {
     /// Replaces `hidden` by the [indices](ObjectId::index) of the objects that are hidden from every point of
     /// a box in world space, from `min` to `max`, in metres. Objects that no culler may remove may be among
-    /// them. Only for eyes for which all occluders of the scene are drawn.
+    /// them. `layers` are the [layers](crate::View::layers) of the views from the box, one mask for each
+    /// view. One object hides another only if each of these views draws it, so several views are several
+    /// masks, never the union of their masks. Without a mask there is no view, and the answer is as for views
+    /// of all layers.
     ///
     /// Returns false if the answer is not known: it is not made yet, the box is not covered by viewcells, it
-    /// is inverted or not finite, or the scene has changed too much. Every object may be visible then, and
-    /// the content of `hidden` is unspecified.
-    fn write_hidden(&mut self, scene: &Scene, min: DVec3, max: DVec3, hidden: &mut Bits) -> bool;
+    /// is inverted or not finite, the scene has changed too much, or a view does not draw all occluders that
+    /// the sets were made with. Every object may be visible then, and the content of `hidden` is unspecified.
+    fn write_hidden(
+        &mut self,
+        scene: &Scene,
+        layers: &[u32],
+        min: DVec3,
+        max: DVec3,
+        hidden: &mut Bits,
+    ) -> bool;
 }
 
 /// Returns the diagonal of an object's bounds divided by their distance from a box in world space, from `min`

@@ -31,7 +31,7 @@ const NOWHERE: u32 = u32::MAX;
 /// An update is given *places*: the box that the eye is in, then boxes that it may be in later, soonest
 /// first. Each box must hold all points at which lines of sight begin, since what is seen from these is
 /// drawn: the eye, and the corners of the near plane. An object is needed at the first place from which it is
-/// not hidden. Objects needed sooner are loaded before objects needed later, and among these the one with the
+/// not hidden, if a view that is served shows one of its layers. Objects needed sooner are loaded before objects needed later, and among these the one with the
 /// greatest [`importance`] from the place comes first. Equal ones come by [index](ObjectId::index).
 ///
 /// An object is dropped only for the memory of a more urgent one that is loaded in the same update: first the
@@ -62,10 +62,11 @@ const NOWHERE: u32 = u32::MAX;
 /// // Room for 100 bytes; each update may load 60. Every object has 40.
 /// let mut residency = Residency::new(100);
 /// let around = |x: f64| [DVec3::new(x - 0.3, 0.0, 0.0), DVec3::new(x + 0.3, 0.6, 0.6)];
-/// residency.update(&scene, &mut sets, &[around(6.0)], |_| 40, 60);
+/// let layers = [u32::MAX];
+/// residency.update(&scene, &mut sets, &layers, &[around(6.0)], |_| 40, 60);
 /// assert_eq!((residency.loads().len(), residency.loads()[0].object), (1, here));
 /// // The eye will be in the second room soon.
-/// residency.update(&scene, &mut sets, &[around(6.0), around(12.0)], |_| 40, 60);
+/// residency.update(&scene, &mut sets, &layers, &[around(6.0), around(12.0)], |_| 40, 60);
 /// assert_eq!((residency.loads()[0].object, residency.bytes()), (there, 80));
 /// # Ok::<(), visibility_core::pvs::PvsError>(())
 /// ```
@@ -144,9 +145,12 @@ impl Residency {
     }
 
     /// Finds what to [load](Self::loads) and to [drop](Self::drops) now, and counts it as loaded and dropped.
-    /// `places` are boxes in world space, each given by its minimum and its maximum in metres. `size` gives
-    /// the bytes of an object that is not in memory, and is called at most once for each object. All
-    /// updates are for the same scene.
+    /// `layers` are the [layers](crate::View::layers) of all views that draw from this memory, one mask for
+    /// each view: of several cameras, not the union of their masks. The sets count as unknown while a view
+    /// does not draw all of their occluders. Objects on no layer of a view are not needed; without views
+    /// nothing is. `places` are boxes in world space, each given by its minimum and its maximum in metres,
+    /// and hold for each view. `size` gives the bytes of an object that is not in memory, and is called at
+    /// most once for each object. All updates are for the same scene.
     ///
     /// Loads take up to `budget` bytes in the order of their urgency. The last one may exceed the budget;
     /// what it takes more is subtracted from the next budgets, so that objects of any size are loaded. An
@@ -158,6 +162,7 @@ impl Residency {
         &mut self,
         scene: &Scene,
         sets: &mut dyn HiddenSets,
+        layers: &[u32],
         places: &[[DVec3; 2]],
         mut size: impl FnMut(ObjectId) -> u64,
         budget: u64,
@@ -170,7 +175,7 @@ impl Residency {
                 self.release(index);
             }
         }
-        let unknown = self.find_needs(scene, sets, places);
+        let unknown = self.find_needs(scene, sets, layers, places);
         self.rank_missing(scene, places);
         self.droppable.clear();
         let mut is_ranked = false;
@@ -203,23 +208,29 @@ impl Residency {
 
     /// Fills `needed`. Returns the number of the first place of which the sets do not know what is hidden;
     /// [`NOWHERE`] if they know all.
-    fn find_needs(&mut self, scene: &Scene, sets: &mut dyn HiddenSets, places: &[[DVec3; 2]]) -> u32 {
+    fn find_needs(
+        &mut self,
+        scene: &Scene,
+        sets: &mut dyn HiddenSets,
+        layers: &[u32],
+        places: &[[DVec3; 2]],
+    ) -> u32 {
+        let shown = layers.iter().fold(0, |all, view| all | view);
         self.needed.clear();
         self.needed.resize(scene.index_limit(), NOWHERE);
         let mut unknown = NOWHERE;
         for (place, &[min, max]) in (0..).zip(places) {
-            let is_known = sets.write_hidden(scene, min, max, &mut self.hidden);
+            let is_known = sets.write_hidden(scene, layers, min, max, &mut self.hidden);
             if !is_known {
                 unknown = unknown.min(place);
             }
             if !is_known && place > 0 {
                 continue;
             }
-            let is_culled = |id| scene.object(id).is_ok_and(|object| !object.is_unculled());
-            for id in scene.ids() {
+            for (id, object) in scene.ids().filter_map(|id| Some((id, scene.object(id).ok()?))) {
                 let needed = &mut self.needed[id.index()];
-                let is_hidden = is_known && self.hidden.contains(id.index()) && is_culled(id);
-                if *needed == NOWHERE && !is_hidden {
+                let is_hidden = is_known && self.hidden.contains(id.index()) && !object.is_unculled();
+                if *needed == NOWHERE && !is_hidden && object.layers & shown != 0 {
                     *needed = place;
                 }
             }

@@ -10,6 +10,10 @@ use super::{DetailBounds, Scene, SceneError, Slot};
 use crate::{Aabb, ObjectId};
 use core::num::NonZeroU32;
 
+/// Greatest number of HLOD parents above an object. A frame asks all of them for each object, so a chain of n
+/// objects takes time in n^2.
+const MAX_PARENTS: u32 = 64;
+
 fn link(id: ObjectId) -> Link {
     NonZeroU32::new(id.index + 1)
 }
@@ -148,21 +152,27 @@ impl Scene {
     /// child that has moved out of these bounds, or is on another layer, is drawn as if it had no parent. So
     /// are the children of a parent that is never culled. The children of a removed parent have no parent.
     ///
-    /// Takes time in proportion to the number of parents above `parent`. Moving a parent takes time in
-    /// proportion to the number of its children.
+    /// Takes time in proportion to the number of parents above `parent` and of objects below `id`. Moving a
+    /// parent takes time in proportion to the number of its children.
     ///
     /// # Errors
-    /// [`SceneError::UnknownObject`] if `id` or `parent` is not in the scene, and [`SceneError::Parent`] if
-    /// `parent` is the object itself or one of its descendants.
+    /// [`SceneError::UnknownObject`] if `id` or `parent` is not in the scene, [`SceneError::Parent`] if
+    /// `parent` is the object itself or one of its descendants, and [`SceneError::TooManyParents`] if the
+    /// object or one of its descendants would have more than 64 parents above it, each the parent of the one
+    /// before: a frame asks all of them.
     pub fn set_hlod_parent(&mut self, id: ObjectId, parent: Option<ObjectId>) -> Result<(), SceneError> {
         self.slot(id)?;
-        let mut above = parent;
+        let (mut above, mut count) = (parent, 0);
         while let Some(object) = above {
             self.slot(object)?;
             if object == id {
                 return Err(SceneError::Parent(id));
             }
             above = self.hlod_parent(object)?;
+            count += 1;
+        }
+        if count > 0 && count + self.levels_below(id) > MAX_PARENTS {
+            return Err(SceneError::TooManyParents(id));
         }
         if parent == self.hlod_parent(id)? {
             return Ok(());
@@ -186,6 +196,33 @@ impl Scene {
         }
         self.details_changed(id);
         Ok(())
+    }
+
+    /// Returns the number of levels of HLOD descendants below an object: 0 without children, 1 if no child has
+    /// children.
+    fn levels_below(&self, id: ObjectId) -> u32 {
+        let (mut at, mut level, mut most) = (id.index(), 0, 0);
+        loop {
+            if let Some(child) = linked(self.tree.detail(at).first_child) {
+                (at, level) = (child, level + 1);
+                most = most.max(level);
+                continue;
+            }
+            // All below `at` is counted: goes on with the next sibling of `at` or of a parent of it.
+            loop {
+                let detail = self.tree.detail(at);
+                if at == id.index() {
+                    return most;
+                } else if let Some(next) = linked(detail.next) {
+                    at = next;
+                    break;
+                } else if let Some(parent) = linked(detail.parent) {
+                    (at, level) = (parent, level - 1);
+                } else {
+                    return most;
+                }
+            }
+        }
     }
 
     /// Returns the object that stands in for `id` from afar, `None` if none was set or it was removed.

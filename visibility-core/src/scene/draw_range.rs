@@ -52,7 +52,7 @@ impl DrawRange {
         self.margin > 0.0 && (self.begin > 0.0 || self.end < f32::INFINITY)
     }
 
-    pub(super) fn is_valid(&self) -> bool {
+    pub(crate) fn is_valid(&self) -> bool {
         let is_length = |number: f32| (0.0..f32::INFINITY).contains(&number);
         is_length(self.begin) && is_length(self.margin) && self.end >= self.begin
     }

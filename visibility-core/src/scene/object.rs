@@ -218,6 +218,9 @@ pub enum SceneError {
     DrawRange(ObjectId),
     /// The HLOD parent given for this object is the object itself or one of its descendants.
     Parent(ObjectId),
+    /// With the HLOD parent given for this object, the object or one of its descendants would have more than
+    /// 64 parents above it.
+    TooManyParents(ObjectId),
 }
 
 impl fmt::Display for SceneError {
@@ -235,6 +238,9 @@ impl fmt::Display for SceneError {
             Self::Origin => write!(f, "the origin of the scene is not finite"),
             Self::DrawRange(id) => write!(f, "the draw range of object {id} is not a range"),
             Self::Parent(id) => write!(f, "the HLOD parent of object {id} is below the object itself"),
+            Self::TooManyParents(id) => {
+                write!(f, "object {id} or one below it would have more than 64 HLOD parents above it")
+            }
         }
     }
 }

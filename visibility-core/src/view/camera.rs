@@ -70,7 +70,7 @@ impl Window {
         Self { left: -half_width, right: half_width, bottom: -half_height, top: half_height }
     }
 
-    fn check(&self) -> Result<(), ViewError> {
+    pub(crate) fn check(&self) -> Result<(), ViewError> {
         let extent = |name, least: f64, most: f64| {
             let value = most - least;
             if value > 0.0 && value.is_finite() { Ok(()) } else { Err(ViewError::Parameter { name, value }) }

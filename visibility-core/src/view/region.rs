@@ -121,7 +121,8 @@ impl Camera {
         let right = across / width;
         let up = upwards / height;
         // Skewed pictures have no window. Rounding of matrices in `f32` is far smaller.
-        let is_square = right.dot(up).abs() < 1e-5;
+        let skew = right.dot(up).abs();
+        let is_square = skew < 1e-5;
         if !is_square {
             return None;
         }
@@ -133,6 +134,12 @@ impl Camera {
             bottom: side(y_row, height, -1.0),
             top: side(y_row, height, 1.0),
         };
+        // Straightened, the upper and lower side are off by the skew times the tangent aside. That must stay
+        // within half of [`SLACK`], also for a wide and low window.
+        let aside = window.left.abs().max(window.right.abs());
+        if !(skew * aside < 0.5 * SLACK * (window.top - window.bottom)) {
+            return None;
+        }
         // Distance from the eye of a plane across the view direction; `None` for any other plane.
         let distance = |row: DVec4, towards: DVec3| {
             let normal = row.truncate();

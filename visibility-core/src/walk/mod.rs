@@ -38,6 +38,9 @@ pub enum Child {
 /// above it. An object that is not listed counts as visible. A walk relies on these rules: a hierarchy that
 /// breaks one hides visible objects. [`first_misplaced`] checks the rules.
 ///
+/// A walk goes down at most 128 levels, since each level takes 3 to 4 KB of stack. What is further below stays
+/// visible. Balanced trees have far fewer levels.
+///
 /// ```
 /// use visibility_core::walk::{BoxHierarchy, Child};
 /// use visibility_core::{Aabb, ObjectId, Scene};
@@ -97,6 +100,10 @@ pub trait BoxHierarchy {
         }
     }
 }
+
+/// Greatest number of levels of a hierarchy other than the scene's own that a walk goes down: half a megabyte
+/// of stack, which also WebAssembly has.
+const MAX_LEVELS: u32 = 128;
 
 mod sealed {
     #[derive(Debug)]
@@ -289,6 +296,8 @@ pub struct Walk<'a, H> {
     /// these masks. False if the layout has changed since the set was filled; then every object on the
     /// set's layers is a candidate.
     is_current: bool,
+    /// Number of nodes above the node that is visited, in a hierarchy other than the scene's own.
+    level: u32,
     /// Work counters so far. [`visit`](Self::visit) and [`accept`](Self::accept) count nodes, accepted
     /// subtrees and kept objects; the culler itself adds to `tests`.
     pub stats: CullStats,
@@ -303,7 +312,7 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
             visible.begin_drops(scene);
         }
         let is_current = visible.is_current(scene);
-        Self { scene, hierarchy, visible, is_current, stats: CullStats::default() }
+        Self { scene, hierarchy, visible, is_current, level: 0, stats: CullStats::default() }
     }
 
     /// Returns the scene whose objects are walked.
@@ -330,7 +339,8 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
     /// [`accept`](Self::accept) for every node of the scene's own hierarchy that it keeps.
     ///
     /// Returns whether any candidate is left below the node, so that the caller can drop an empty child. For
-    /// hierarchies other than the scene's own the result is true if the node has any child.
+    /// hierarchies other than the scene's own the result is true if the node has any child. It is also true,
+    /// without a call of `test`, for a node that is 128 levels below the top or more.
     #[inline(always)]
     pub fn visit(
         &mut self,
@@ -339,6 +349,12 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
     ) -> bool {
         let mut any = false;
         let (hierarchy, scene) = (self.hierarchy, self.scene);
+        if !H::IS_OF_SCENE {
+            if self.level >= MAX_LEVELS {
+                return true;
+            }
+            self.level += 1;
+        }
         hierarchy.for_each_block(scene, node, |block| {
             let candidates = match block.children {
                 Children::Node { node, .. } => self.visible.mask_if(self.is_current, scene, node),
@@ -349,13 +365,16 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
             match block.children {
                 Children::Node { node, .. } => self.visible.set_mask(node, mask),
                 Children::Listed(children) => {
-                    lanes(candidates & !mask).for_each(|lane| self.drop_below(children[lane]));
+                    lanes(candidates & !mask).for_each(|lane| self.drop_below(children[lane], 0));
                     any = true;
                 }
             }
             self.stats.visible += u64::from(block.objects(mask).count_ones());
             any |= mask != 0;
         });
+        if !H::IS_OF_SCENE {
+            self.level -= 1;
+        }
         any
     }
 
@@ -367,7 +386,7 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
     pub fn drop_child(&mut self, node: Option<usize>, lane: usize, child: Child) {
         self.stats.visible -= u64::from(matches!(child, Child::Object(_)));
         if !H::IS_OF_SCENE {
-            return self.drop_below(child);
+            return self.drop_below(child, 0);
         }
         let (hierarchy, scene) = (self.hierarchy, self.scene);
         hierarchy.for_each_block(scene, node, |block| {
@@ -402,15 +421,18 @@ impl<'a, H: BoxHierarchy> Walk<'a, H> {
     }
 
     /// Marks an object, or all objects below a node of a hierarchy other than the scene's own, for removal at
-    /// the end of the walk.
-    fn drop_below(&mut self, child: Child) {
+    /// the end of the walk. Objects [`MAX_LEVELS`] below the node stay. `level` is the number of levels that
+    /// `child` is below the child that is dropped.
+    fn drop_below(&mut self, child: Child, level: u32) {
         match child {
             // An unknown id is ignored: its index may belong to another object by now.
             Child::Object(id) if self.scene.contains(id) => self.visible.drop_later(id),
             Child::Object(_) => {}
+            Child::Node(_) if level >= MAX_LEVELS => {}
             Child::Node(node) => {
                 let (hierarchy, scene) = (self.hierarchy, self.scene);
-                hierarchy.for_each_child(scene, Some(node), &mut |child, _| self.drop_below(child));
+                hierarchy
+                    .for_each_child(scene, Some(node), &mut |child, _| self.drop_below(child, level + 1));
             }
         }
     }

@@ -86,13 +86,12 @@ impl Check<'_> {
 
 /// Returns the distance of a point from a triangle.
 fn distance(x: DVec3, t: &[DVec3; 3]) -> f64 {
-    let normal = (t[1] - t[0]).cross(t[2] - t[0]);
-    let inside = (0..3).all(|k| normal.cross(t[(k + 1) % 3] - t[k]).dot(x - t[k]) >= 0.0);
-    if inside {
-        return normal.normalize_or_zero().dot(x - t[0]).abs();
-    }
     let sides = [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
-    sides.into_iter().fold(f64::INFINITY, |least, side| least.min(distance_from_segment(x, side)))
+    let beside =
+        sides.into_iter().fold(f64::INFINITY, |least, side| least.min(distance_from_segment(x, side)));
+    let Some(normal) = unit_normal(t) else { return beside };
+    let is_inside = |[a, b]: [DVec3; 2]| normal.cross(b - a).dot(x - a) >= 0.0;
+    if sides.into_iter().all(is_inside) { beside.min(normal.dot(x - t[0]).abs()) } else { beside }
 }
 
 /// Returns the distance of a point from a segment, NaN for a segment without length.

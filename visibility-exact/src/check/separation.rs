@@ -31,11 +31,7 @@ impl Check<'_> {
             sight.q.corners().iter().zip(&sight.q.zero).map(move |(&q, &zero)| {
                 let support = 0b111 ^ zero;
                 let is_mixture = support & !ends == 0;
-                let is_flat = [&sight.before_p, &sight.before_q].into_iter().any(|plane| {
-                    let axis = plane.axis();
-                    axis.is_some_and(|k| a[k] == p[k] && b[k] == p[k] && q[k] == p[k])
-                });
-                if is_mixture || is_flat || (is_near_edge && is_near(p) && is_near(q)) {
+                if is_mixture || is_flat(sight, [p, q, a, b]) || (is_near_edge && is_near(p) && is_near(q)) {
                     (0.0, 0.0)
                 } else {
                     side(p, q, a, b, moved)
@@ -72,16 +68,42 @@ impl Check<'_> {
         all && some
     }
 
-    /// Returns whether no segment meets an edge, by the sides on which segments pass it or by a plane that
-    /// separates it from both polygons. With `from_before`, only segments that start in front of the target
+    /// Returns whether the ends of the sample line may count as further corners of P and Q: lines from and to
+    /// them pass an edge on a side too. Without a clearance, the margins of [`sides`](Self::sides) hold for all
+    /// that is within an error of positions of P and Q, as both ends are.
+    fn ends_are_on_side(&self, sight: &Sight, [a, b]: [DVec3; 2], line: [DVec3; 2], sign: f64) -> bool {
+        let is_flat = |p: DVec3, q: DVec3| {
+            let points = [p, q, a, b];
+            is_flat(sight, points) || points.into_iter().all(|x| self.is_near_plane_of_q(sight, x))
+        };
+        let passes = |p: DVec3, q: DVec3| {
+            let (value, error) = quick_side(p, q, a, b, 0.0);
+            value * sign > error
+        };
+        self.clearance == 0.0
+            || passes(line[0], line[1])
+                && sight.p.corners().iter().all(|&p| passes(p, line[1]) || is_flat(p, line[1]))
+                && sight.q.corners().iter().all(|&q| passes(line[0], q) || is_flat(line[0], q))
+    }
+
+    /// Returns whether no segment meets an edge, nor the sample line `line` where that shows by sides: by the
+    /// sides on which segments pass the edge, or by a plane that separates it from both polygons. With `from_before`, only segments that start in front of the target
     /// polygon's plane count; they do not meet an edge behind the plane, even if its ends are corners of the
     /// target. By the error of heights, the viewcell polygon may have points behind the plane, and segments
     /// from there may meet such an edge.
-    pub(super) fn is_missed(&self, sight: &Sight, edge: &[Corner; 2], from_before: bool) -> bool {
+    pub(super) fn is_missed(
+        &self,
+        sight: &Sight,
+        edge: &[Corner; 2],
+        from_before: bool,
+        line: [DVec3; 2],
+    ) -> bool {
         let ends = [edge[0].0, edge[1].0];
+        let is_passed =
+            |sign| self.is_on_side(sight, edge, sign) && self.ends_are_on_side(sight, ends, line, sign);
         let behind = |(x, tag): Corner| tag.is_some() || sight.before_q.height(x) < -3.0 * self.delta;
-        self.is_on_side(sight, edge, 1.0)
-            || self.is_on_side(sight, edge, -1.0)
+        is_passed(1.0)
+            || is_passed(-1.0)
             || (from_before && edge.iter().all(|&end| behind(end)))
             || self.is_outside(sight, &ends)
     }
@@ -142,4 +164,12 @@ impl Check<'_> {
         };
         apart(&sight.p, &sight.before_p) && apart(&sight.q, &sight.before_q)
     }
+}
+
+/// Returns whether four points lie in the viewcell polygon's or target polygon's plane, exactly since that
+/// plane is perpendicular to an axis.
+fn is_flat(sight: &Sight, [p, q, a, b]: [DVec3; 4]) -> bool {
+    [&sight.before_p, &sight.before_q]
+        .into_iter()
+        .any(|plane| plane.axis().is_some_and(|k| a[k] == p[k] && b[k] == p[k] && q[k] == p[k]))
 }

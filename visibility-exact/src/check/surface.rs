@@ -3,6 +3,7 @@
 use super::context::Check;
 use super::exact_side::{cross, difference, is_before, norm, quick_side};
 use super::ring::distance_from_segment;
+use crate::half::Half;
 use crate::polygon::Polygon;
 use crate::sight::Sight;
 use crate::triangles::unit_normal;
@@ -21,8 +22,8 @@ impl Check<'_> {
         let all = self.triangles;
         let is_usable = |t: u32| (t as usize) < all.index_limit() && all.occludes(t) && self.faces(sight, t);
         if !surface.iter().all(|&t| is_usable(t))
-            || !is_in(&sight.p, line[0], self.delta)
-            || !is_in(&sight.q, line[1], self.delta)
+            || !is_in(&sight.p, &sight.before_p, line[0], self.delta)
+            || !is_in(&sight.q, &sight.before_q, line[1], self.delta)
         {
             return false;
         }
@@ -72,7 +73,7 @@ impl Check<'_> {
             // Written so that a NaN is refused.
             let near = |x: DVec3, y: DVec3| x.distance(y) <= 3.0 * self.clearance;
             let edge = [(c, self.tag(v)), (d, self.tag(w))];
-            if !near(a, c) || !near(b, d) || !self.is_missed(sight, &edge, from_before) {
+            if !near(a, c) || !near(b, d) || !self.is_missed(sight, &edge, from_before, line) {
                 return false;
             }
             if (a, b) == (c, d) {
@@ -151,12 +152,14 @@ pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     }
 }
 
-/// Returns whether a point is in a convex polygon or at most `delta` metres from it. Beyond a sharp corner, a
-/// point may be far from the polygon and near the lines of both sides.
-fn is_in(polygon: &Polygon, x: DVec3, delta: f64) -> bool {
-    let (normal, corners) = (polygon.normal().normalize_or_zero(), polygon.corners());
+/// Returns whether a point is in a convex polygon or at most `delta` metres from it. `plane` has the polygon's
+/// plane, with a normal that is right however thin the polygon is. Beyond a sharp corner, a point may be far
+/// from the polygon and near the lines of both sides.
+fn is_in(polygon: &Polygon, plane: &Half, x: DVec3, delta: f64) -> bool {
+    let corners = polygon.corners();
+    let upwards = polygon.normal().dot(plane.normal).signum();
     let sides = || (0..corners.len()).map(|k| [corners[k], corners[(k + 1) % corners.len()]]);
-    let is_inside = |[a, b]: [DVec3; 2]| normal.cross(b - a).dot(x - a) >= 0.0;
-    normal.dot(x - corners[0]).abs() <= delta
+    let is_inside = |[a, b]: [DVec3; 2]| upwards * plane.normal.cross(b - a).dot(x - a) >= 0.0;
+    plane.normal.dot(x - corners[0]).abs() <= delta
         && (sides().all(is_inside) || sides().any(|side| distance_from_segment(x, side) <= delta))
 }

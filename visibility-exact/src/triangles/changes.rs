@@ -126,16 +126,13 @@ impl SceneTriangles {
             let is_open = is_out_of_range(&object, triangles);
             let used = triangles.iter().filter(|_| !is_open);
             facts.extend(used.map(|triangle| TriangleFacts::new(&object, triangle)));
-            // Masks of layers only grow: with one too many, a culler removes nothing where it could.
             let occludes = facts.iter().any(|facts| facts.occludes);
-            if occludes && !self.layers.contains(&object.layers) {
-                self.layers.push(object.layers);
-            }
             let [min, max] = target_box(&object, triangles);
             now = Some(TargetObject {
                 id,
                 min,
                 max,
+                layers: if occludes { object.layers } else { 0 },
                 first: 0,
                 end: 0,
                 room_end: 0,
@@ -147,7 +144,7 @@ impl SceneTriangles {
             (Some(place), _) => place as usize,
             (None, None) => return None,
             (None, Some(now)) => {
-                let removed = TargetObject { is_open: true, is_removed: true, ..now.clone() };
+                let removed = TargetObject { layers: 0, is_open: true, is_removed: true, ..now.clone() };
                 self.objects.push(removed);
                 if welding.place_of.len() <= index {
                     welding.place_of.resize(index + 1, u32::MAX);
@@ -157,7 +154,10 @@ impl SceneTriangles {
             }
         };
         let was = self.objects[place].clone();
-        let now = now.unwrap_or(TargetObject { is_open: true, is_removed: true, ..was.clone() });
+        let now = now.unwrap_or(TargetObject { layers: 0, is_open: true, is_removed: true, ..was.clone() });
+        // Lines of sight do not depend on layers, so an object that has changed its layers alone is the same.
+        self.count_layers(was.layers, now.layers);
+        self.objects[place].layers = now.layers;
         if self.is_same(&was, &now, &facts) {
             return None;
         }
@@ -187,6 +187,19 @@ impl SceneTriangles {
         }
         self.objects[place] = TargetObject { first, end: first + count, room_end, ..now };
         Some(Change { place: place as u32, was: occluded })
+    }
+
+    /// Counts an occluder on the layers `now` in place of one on the layers `was`; 0 stands for none.
+    fn count_layers(&mut self, was: u32, now: u32) {
+        if now != 0 {
+            *self.layers.entry(now).or_default() += 1;
+        }
+        if let Some(count) = self.layers.get_mut(&was) {
+            *count -= 1;
+            if *count == 0 {
+                self.layers.remove(&was);
+            }
+        }
     }
 
     /// Returns whether an object with these triangles is, for visibility, what it was. Another object at the

@@ -9,7 +9,7 @@ mod welding;
 use crate::half::Half;
 use crate::line_side::{U, side, sign};
 use crate::triangle_tree::TriangleTree;
-use alloc::{boxed::Box, vec, vec::Vec};
+use alloc::{boxed::Box, collections::BTreeMap, vec, vec::Vec};
 use log::Log;
 use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::{DVec3, Vec3};
@@ -60,8 +60,8 @@ pub struct SceneTriangles {
     object_of: Vec<u32>,
     /// For each triangle, whether it occludes.
     occludes: Vec<bool>,
-    /// Layer masks of the objects whose triangles occlude, each mask once.
-    pub(crate) layers: Vec<u32>,
+    /// Layer masks of the objects whose triangles occlude, each with the number of these objects, at least 1.
+    pub(crate) layers: BTreeMap<u32, u32>,
     /// Half-space in front of each one-sided triangle, from which the triangle is seen and occludes. `None`
     /// for a two-sided triangle.
     fronts: Vec<Option<Half>>,
@@ -98,6 +98,8 @@ pub(crate) struct TargetObject {
     pub(crate) min: DVec3,
     /// Greatest corner of the box that `min` begins.
     pub(crate) max: DVec3,
+    /// Layer mask of the object; 0 if no triangle of it occludes.
+    layers: u32,
     /// Index of the object's first triangle. Triangles of an object follow each other.
     pub(crate) first: u32,
     /// Exclusive end of the range of the object's triangles that begins at `first`.
@@ -197,7 +199,7 @@ impl SceneTriangles {
             vertices: Vec::new(),
             object_of: Vec::new(),
             occludes: Vec::new(),
-            layers: Vec::new(),
+            layers: BTreeMap::new(),
             fronts: Vec::new(),
             areas: Vec::new(),
             edges: Vec::new(),
@@ -241,11 +243,13 @@ impl SceneTriangles {
             self.areas.push(facts.area);
         }
         let end = self.corners.len() as u32;
-        if self.occludes[first as usize..].contains(&true) && !self.layers.contains(&object.layers) {
-            self.layers.push(object.layers);
+        let occludes = self.occludes[first as usize..].contains(&true);
+        let layers = if occludes { object.layers } else { 0 };
+        if occludes {
+            *self.layers.entry(layers).or_default() += 1;
         }
-        let target = TargetObject { id, min, max, first, end, room_end: end, is_open, is_removed: false };
-        self.objects.push(target);
+        let (room_end, is_removed) = (end, false);
+        self.objects.push(TargetObject { id, min, max, layers, first, end, room_end, is_open, is_removed });
     }
 
     /// Gives equal numbers to vertices with equal coordinates.

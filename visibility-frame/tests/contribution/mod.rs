@@ -16,7 +16,7 @@ use visibility_core::{
 };
 use visibility_frame::lod::{ContributionCuller, PixelScale};
 use visibility_testing::cameras::{DEPTHS, projection};
-use visibility_testing::{Random, judged};
+use visibility_testing::{Random, judged, told_enough};
 
 /// Random camera, by the parameters that the oracle computes with.
 struct Camera {
@@ -206,9 +206,9 @@ fn it_equals_brute_force_over_all_objects() {
         }
     }
     judged((kept + dropped) as u64);
-    assert!(
+    told_enough(
         kept > 10_000 && dropped > 10_000 && undecided < 20,
-        "{kept} kept, {dropped} dropped, {undecided} undecided"
+        format_args!("{kept} kept, {dropped} dropped, {undecided} undecided"),
     );
 }
 
@@ -334,6 +334,17 @@ fn it_composes_with_other_cullers() {
             expected,
             "the frustum, then size, and each by itself"
         );
+    }
+}
+
+/// Tests that the culler says whether it removes objects by size with its present settings.
+#[test]
+fn a_limit_above_zero_follows_sizes() {
+    for (height, pixels, expected) in
+        [(1080.0, 2.0, true), (1080.0, 0.0, false), (0.0, 2.0, false), (1080.0, f64::NAN, false)]
+    {
+        let culler = ContributionCuller::new(height, pixels);
+        assert_eq!(culler.follows_sizes(), expected, "{pixels} of {height} pixels");
     }
 }
 

@@ -369,3 +369,30 @@ fn ranges_and_parents_follow_their_objects() {
     let copy = scene.clone();
     assert_eq!(copy.hlod_parent(a), Ok(Some(b)), "a clone keeps parents");
 }
+
+#[test]
+fn at_most_64_parents_stand_above_one_another() {
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch([Aabb::from_arrays([0.0; 3], [1.0; 3]); 200]);
+    // A chain made from below, and one made from above.
+    for i in 0..64 {
+        scene.set_hlod_parent(ids[i], Some(ids[i + 1])).unwrap();
+        scene.set_hlod_parent(ids[170 - i - 1], Some(ids[170 - i])).unwrap();
+    }
+    let too_many = |id| Err(SceneError::TooManyParents(id));
+    let revision = scene.revision();
+    assert_eq!(scene.set_hlod_parent(ids[64], Some(ids[66])), too_many(ids[64]), "a parent above the chain");
+    assert_eq!(scene.set_hlod_parent(ids[67], Some(ids[106])), too_many(ids[67]), "a child below the chain");
+    assert_eq!(scene.revision(), revision, "a refused parent changes nothing");
+    assert_eq!(scene.set_hlod_parent(ids[67], Some(ids[107])), Ok(()), "a sibling of the last child");
+    assert_eq!(scene.set_hlod_parent(ids[106], Some(ids[107])), Ok(()), "the parent that it has");
+    // The deepest child counts, whichever was linked first, and no object beside the one that is moved.
+    let [top, near, far, below] = [180, 181, 182, 183].map(|i| ids[i]);
+    for (child, parent) in [(near, top), (far, top), (below, far)] {
+        scene.set_hlod_parent(child, Some(parent)).unwrap();
+    }
+    assert_eq!(scene.set_hlod_parent(top, Some(ids[3])), Ok(()), "62 parents, and two levels below");
+    assert_eq!(scene.set_hlod_parent(top, Some(ids[2])), too_many(top), "63 parents, and two levels below");
+    assert_eq!(scene.set_hlod_parent(near, Some(ids[1])), Ok(()), "64 parents, and none below");
+    scene.set_hlod_parent(ids[64], None).unwrap();
+}

@@ -13,6 +13,7 @@
 //! not depend on where in the scene the camera is. The rows and their error bounds come from core's
 //! [`ViewProjection`].
 
+use visibility_core::geometry::keeps_orientation;
 use visibility_core::glam::{Affine3A, DVec3};
 use visibility_core::view::{ClipRow, ViewProjection};
 use visibility_core::{Aabb, View, view::Eye};
@@ -233,16 +234,9 @@ pub(crate) fn project_object(
     if *transform == Affine3A::IDENTITY {
         return finite.then_some((object, projection.facing));
     }
-    let axes = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
-    let [a, b, c] = axes.map(|axis| DVec3::from_array(axis.to_array().map(f64::from)));
-    let (volume, most) = (
-        a.dot(b.cross(c)),
-        a.abs().dot(b.abs().cross(c.abs()).abs() + b.abs().max_element() * c.abs().max_element()),
-    );
-    // The volume is a sum of six products of three factors, each rounded a few times. A flat transform has no
-    // inside and outside to tell apart.
-    let certain = volume.abs() > 32.0 * f64::EPSILON * most;
-    (finite && certain).then_some((object, projection.facing * volume.signum()))
+    // A flat transform has no inside and outside to tell apart.
+    let keeps = keeps_orientation(transform)?;
+    finite.then_some((object, if keeps { projection.facing } else { -projection.facing }))
 }
 
 #[cfg(test)]

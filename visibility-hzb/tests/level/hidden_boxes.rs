@@ -7,7 +7,7 @@ use visibility_core::geometry::Plane;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::occlusion::{Occlusion, Preparation};
 use visibility_core::{
-    Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View,
+    Aabb, Culler, FrustumCuller, Object, ObjectId, OccluderMesh, OcclusionMap, Pipeline, Pose, Scene, View,
     VisibleSet,
 };
 use visibility_hzb::{Hzb, HzbCuller};
@@ -228,6 +228,12 @@ fn seams_are_reported_unless_a_level_closes_them() {
         lacks(Hzb::default().with_level(level.clone(), DVec3::ZERO)).is_empty(),
         "a level closes the seams"
     );
+    let hides_behind_undrawn = |level| {
+        let hzb = Hzb::default().with_level(level, DVec3::ZERO);
+        HzbCuller::new(hzb).hides_behind_undrawn()
+    };
+    assert!(!HzbCuller::new(Hzb::default()).hides_behind_undrawn(), "occluders are asked for in the set");
+    assert!(!hides_behind_undrawn(nothing.clone()) && hides_behind_undrawn(level.clone()), "a level is not");
     // With a level, a scene without occluders is not reported.
     let lack_of = |hzb: Hzb, scene: &Scene| {
         let mut count = 0;

@@ -77,7 +77,7 @@ impl<T: ?Sized> FrameContext<'_, T> {
     /// origin. `None` if back faces are not culled.
     #[inline]
     pub(super) fn box_from_eye(&self, bounds: &Aabb) -> Option<BoxFromEye> {
-        self.settings.one_sided.then(|| BoxFromEye::new(self.frustum.eye, bounds))
+        self.settings.one_sided.then(|| BoxFromEye::new(self.frustum.eye, self.frustum.eye_error, bounds))
     }
 
     /// Returns the free distance in metres that counts as an openness of 1.

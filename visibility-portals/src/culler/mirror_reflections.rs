@@ -6,6 +6,7 @@
 //! draws to the pixels that the mirror covers on the screen.
 
 use super::hung_mirrors::MirrorId;
+use super::outline::Outline;
 use super::portal_stats::{NotCulled, PortalStats};
 use super::portal_walk::{Narrowing, PortalWalk, SeenMirror};
 use super::scene_cells::SceneCells;
@@ -136,8 +137,8 @@ impl Reflections {
             }
             let parent_view = parent.map_or(*view, |parent| self.all[parent].view);
             let found = &cells.mirrors[mirror as usize];
-            let plane = Plane::through(found.vertices[0], found.outline.normal);
-            let reflected = reflect(&parent_view, &plane, found.outline.error);
+            let (plane, error) = mirror_plane(found.vertices[0], &found.outline);
+            let reflected = reflect(&parent_view, &plane, error);
             let parent_lines =
                 if parent.is_some() { PortalView::new(&parent_view) } else { Some(eye_view.clone()) };
             let (Ok(view), Some(parent_lines)) = (reflected, parent_lines) else {
@@ -156,20 +157,25 @@ impl Reflections {
             (one.mirror, one.parent, one.depth, one.view) = (MirrorId(mirror), parent, depth, view);
             one.visible.fill(scene, &view);
             FrustumCuller::new().cull(scene, &view, &mut one.visible);
-            if matches!(stats.fallback, Some(NotCulled::NotSynced)) {
+            let Some(eye_view) = PortalView::new(&view) else {
+                // Mirrors in this one are not looked for.
+                stats.reflections_left_out += 1;
                 continue;
-            }
-            let Some(eye_view) = PortalView::new(&view) else { continue };
-            // From the mirrored eye, lines of sight begin in the mirror: the walk starts in each window
-            // through which the mirror is seen, mirrored as well.
+            };
             self.walk.begin(cells);
-            for (_, seen) in &self.seen[windows] {
-                let sides = &self.sides[seen.window.sides.start as usize..seen.window.sides.end as usize];
-                let sides = sides.iter().map(|side| reflect_side(side, &plane, &parent_lines, &eye_view));
-                self.walk.start_in_window(cells, &eye_view, seen.cell, sides, seen.window.rectangle);
+            let is_synced = !matches!(stats.fallback, Some(NotCulled::NotSynced));
+            if is_synced {
+                // From the mirrored eye, lines of sight begin in the mirror: the walk starts in each window
+                // through which the mirror is seen, mirrored as well.
+                for (_, seen) in &self.seen[windows] {
+                    let sides = &self.sides[seen.window.sides.start as usize..seen.window.sides.end as usize];
+                    let sides = sides.iter().map(|side| reflect_side(side, &plane, &parent_lines, &eye_view));
+                    self.walk.start_in_window(cells, &eye_view, seen.cell, sides, seen.window.rectangle);
+                }
             }
-            // A walk that reaches the limit of steps hides nothing, and may have missed mirrors.
-            if self.walk.run(cells, &eye_view, settings.0, settings.1, stats) {
+            // A walk that reaches the limit of steps hides nothing, and may have missed mirrors. The doors and
+            // objects of cells that are not synced are unknown, so nothing is walked.
+            if is_synced && self.walk.run(cells, &eye_view, settings.0, settings.1, stats) {
                 let seen = WalkedScene { cells, scene, walk: &self.walk, eye_view: &eye_view };
                 let (unknown, frame) = known;
                 seen.retain(unknown, frame, &mut self.all[place].visible, &mut stats.tests);
@@ -198,6 +204,14 @@ impl Reflections {
     }
 }
 
+/// Returns the plane of a mirror, in world space, through its vertex `corner`, and a bound in world units on
+/// the distance from that plane to the exact mirror.
+fn mirror_plane(corner: DVec3, outline: &Outline) -> (Plane, f64) {
+    let plane = Plane::through(corner, outline.normal);
+    // The offset rounds as much as the distance of the vertex does.
+    (plane, outline.error + plane.error_bound(corner.abs()))
+}
+
 /// Returns `view` reflected in `plane` (world space), with a clip plane that keeps points on the side that
 /// the plane's normal points to, or behind the plane by at most `error` world units.
 ///
@@ -209,16 +223,18 @@ fn reflect(view: &View, plane: &Plane, error: f64) -> Result<View, ViewError> {
     let columns = DVec3::AXES.map(|axis| (axis - n * (2.0 * n.dot(axis))).extend(0.0));
     let mirror = DMat4::from_cols(columns[0], columns[1], columns[2], (n * (-2.0 * offset)).extend(1.0));
     let matrix = view.clip_from(view.origin()) * mirror;
+    // Terms of the offset may be far greater than the offset.
+    let error = error + plane.error_bound(view.origin().abs());
     View::from_clip_from_world(matrix, view.depth())?
         .relative_to(view.origin())?
         .with_layers(view.layers())
-        .with_clip_planes(&[Plane::new(n, offset + error + 8.0 * U * offset.abs())])
+        .with_clip_planes(&[Plane::new(n, offset + error)])
 }
 
 /// Reflects the plane `side` of a window in the mirror plane `plane`, which is in world space. `side` is
 /// relative to the anchor of the view `from`, the result relative to the anchor of the reflected view `to`.
 /// The result's error bounds cover those of `side`, the distance between the anchor of `to` and the exact
-/// reflection of the anchor of `from`, and rounding.
+/// reflection of the anchor of `from`, the errors of both eyes, and rounding.
 fn reflect_side(side: &WindowPlane, plane: &Plane, from: &PortalView, to: &PortalView) -> WindowPlane {
     // The rounding of the normal is `8u` of its length, with `u` the unit round-off 2^-53.
     let n = plane.normal;
@@ -230,5 +246,115 @@ fn reflect_side(side: &WindowPlane, plane: &Plane, from: &PortalView, to: &Porta
         plane: Plane::new(turned, side.plane.offset),
         slope: side.slope + 32.0 * U,
         slack: side.slack + (1.0 + side.slope) * moved,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Pose;
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_testing::Random;
+
+    fn dot(a: DVec3, b: DVec3) -> DoubleDouble {
+        let [x, y, z] = [0, 1, 2].map(|axis| DoubleDouble::product(a[axis], b[axis]));
+        x.plus(y).plus(z)
+    }
+
+    fn view_from(eye: DVec3) -> View {
+        let view = View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0);
+        view.unwrap()
+    }
+
+    fn outline(normal: DVec3, error: f64) -> Outline {
+        Outline { normal, error, flaw: error, width: 1.0 }
+    }
+
+    /// Vertices of a mirror are not cut away, nor what is within its error, where the terms of a plane's
+    /// offset are far greater than the offset: for a corner, or for the origin of a view, far from the origin
+    /// of the world and close to the plane. Compared in double-double numbers.
+    #[test]
+    fn reflections_show_what_is_within_the_error_of_the_mirror() {
+        let mut random = Random(1);
+        for trial in 0..4_000 {
+            let far = random.vector([1.0, 1e6, 1e12][trial % 3]).round();
+            let normal = far.cross(random.direction()).try_normalize().unwrap_or(DVec3::X);
+            let (corner, origin) = if trial % 2 == 0 { (far, DVec3::ZERO) } else { (DVec3::ZERO, far) };
+            let error = [0.0, 0.1][random.below(2)];
+            let (plane, bound) = mirror_plane(corner, &outline(normal, error));
+            let view = view_from(DVec3::ZERO).relative_to(origin).unwrap();
+            let Ok(reflected) = reflect(&view, &plane, bound) else { continue };
+            let [clip] = reflected.clip_planes() else { panic!("a reflection has one clip plane") };
+            let at = dot(normal, corner).plus(dot(normal, origin).negated());
+            let height = at.plus(DoubleDouble::from(clip.offset)).plus(DoubleDouble::from(-error)).hi;
+            assert!(height >= -1e-15, "trial {trial}: {height} inside is what is {error} behind the mirror");
+            assert!(height <= 1e-2, "trial {trial}: {height} inside is what is {error} behind the mirror");
+        }
+    }
+
+    /// The plane of a window, reflected, holds the reflections of what it holds, moved by the errors of both
+    /// eyes, which are large here. Half of an error would not do.
+    #[test]
+    fn reflected_planes_hold_reflected_points() {
+        let mut random = Random(2);
+        for trial in 0..10_000 {
+            let (normal, of_side) = (random.direction(), random.direction());
+            let [mut slack, mut of_from, mut of_to] = [0.0; 3];
+            [&mut slack, &mut of_from, &mut of_to].into_iter().for_each(|error| *error = 0.1 * random.unit());
+            let slope = random.range(0.0, 0.2);
+            let side = WindowPlane { plane: Plane::new(of_side, random.range(-1.0, 1.0)), slope, slack };
+            let plane = Plane::new(normal, random.range(-9.0, 9.0));
+            let anchor = random.vector(9.0);
+            let reflect = |p: DVec3| p - normal * (2.0 * plane.signed_distance(p));
+            let view = |anchor, error| PortalView {
+                anchor,
+                error,
+                ..PortalView::new(&view_from(DVec3::ZERO)).unwrap()
+            };
+            let (from, to) = (view(anchor, of_from), view(reflect(anchor) + random.vector(0.1), of_to));
+            let reflected = reflect_side(&side, &plane, &from, &to);
+            // A point at the greatest distance outside of the plane, moved outwards.
+            let along = random.vector(9.0);
+            let at = along - of_side * (side.plane.signed_distance(along) + 0.0);
+            let at = at - of_side * (slack + slope * at.length());
+            let moved = reflect(anchor + at) - (reflect(of_side) - reflect(DVec3::ZERO)) * (of_from + of_to);
+            let at = moved - to.anchor;
+            let (height, margin) = (reflected.plane.signed_distance(at), reflected.margin(at.length()));
+            assert!(height >= -margin - 1e-9, "trial {trial}: {height} inside, {reflected:?} of {side:?}");
+        }
+    }
+
+    /// Without other errors, rounding of the reflection moves no point of a plane to its outer side. Compared
+    /// in double-double numbers.
+    #[test]
+    fn reflected_planes_hold_points_in_spite_of_rounding() {
+        let mut random = Random(3);
+        let eye = |anchor| PortalView { anchor, error: 0.0, ..PortalView::new(&view_from(anchor)).unwrap() };
+        for trial in 0..5_000 {
+            let (normal, of_side) = (random.direction(), random.direction());
+            let side = WindowPlane { plane: Plane::new(of_side, 0.0), slope: 0.0, slack: 0.0 };
+            let anchored = eye(DVec3::ZERO);
+            let plane = Plane::new(normal, 0.0);
+            let turned = reflect_side(&side, &plane, &anchored, &anchored);
+            // A point of the plane up to rounding, on its inner side.
+            let point = random.fine_vector(1.0);
+            let point = point - of_side * of_side.dot(point);
+            let point = if dot(of_side, point).hi < 0.0 { -point } else { point };
+            // Heights of the reflected point, times the square of the normal's length.
+            let (square, twice) = (dot(normal, normal), dot(normal, point).scaled(-2.0));
+            let turned_by = dot(turned.plane.normal, normal).times(twice);
+            let height = dot(turned.plane.normal, point).times(square).plus(turned_by).hi;
+            let margin = turned.slope * point.length();
+            assert!(height >= -margin, "trial {trial}: {height} inside, {point} in {turned:?}");
+            // The reflection of an anchor far away, in a plane across x.
+            let (x, offset) = (1e6 * random.fine_unit(), random.fine_unit());
+            let plane = Plane::new(DVec3::X, offset);
+            let mirrored = x - 2.0 * (x + offset);
+            let (from, to) = (eye(DVec3::new(x, 0.0, 0.0)), eye(DVec3::new(mirrored, 0.0, 0.0)));
+            let moved = reflect_side(&side, &plane, &from, &to);
+            let exact = DoubleDouble::from(-x).plus(DoubleDouble::from(-2.0 * offset));
+            let off = exact.plus(DoubleDouble::from(-mirrored)).hi.abs();
+            assert!(moved.slack >= off, "trial {trial}: an anchor is off by {off}, {moved:?}");
+        }
     }
 }

@@ -41,3 +41,27 @@ impl Outline {
         Self { normal, error: flaw + misplacement, flaw, width: if width > 0.0 { width } else { 0.0 } }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A quadrangle with sides of 4 and 1 whose third vertex is lifted, or moved inwards.
+    #[test]
+    fn errors_hold_what_vertices_are_off_and_the_width_is_not_above_the_least_extent() {
+        let measure = |at: [f64; 3], tolerance, misplacement| {
+            let vertices = [DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::from(at), DVec3::Y];
+            Outline::new(&vertices, DVec3::Z, tolerance, misplacement)
+        };
+        let flat = measure([4.0, 1.0, 0.0], 0.125, 0.25);
+        assert_eq!((flat.flaw, flat.error), (0.125, 0.375), "flaw and error of a flat rectangle");
+        assert!((0.4..=1.0).contains(&flat.width), "width of a rectangle of 4 by 1: {}", flat.width);
+        let lifted = measure([4.0, 1.0, 0.25], 0.125, 0.25);
+        assert_eq!((lifted.flaw, lifted.error), (0.625, 0.875), "a vertex that is lifted by 0.25");
+        // The side from (1, 0.25) to (0, 1), extended, has (4, 0) 1.6 outside.
+        let dent = measure([1.0, 0.25, 0.0], 0.0, 0.0);
+        assert!((dent.flaw - 3.2).abs() < 1e-12, "{dent:?} of a quadrangle with a dent");
+        let points = Outline::new(&[DVec3::ONE; 3], DVec3::Z, 0.0, 0.0);
+        assert_eq!(points.width, 0.0, "width of a single point");
+    }
+}

@@ -102,6 +102,10 @@ impl Culler for PortalCuller {
         if self.cells.is_pvs_checked() { Accuracy::Conservative } else { Accuracy::Approximate }
     }
 
+    fn hides_behind_undrawn(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         self.cells.sync(scene);
         self.eye.cull(&self.cells, scene, view, visible)

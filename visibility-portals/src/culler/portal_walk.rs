@@ -11,7 +11,7 @@ use super::outline::Outline;
 use super::portal_stats::PortalStats;
 use super::scene_cells::SceneCells;
 use super::screen_rectangle::{ScreenRectangle, push_rectangle_planes, rectangle_around};
-use super::view_planes::{Crossing, Lines, PortalView};
+use super::view_planes::{Crossing, PortalView};
 use super::window_plane::{Corner, EdgeSource, U, WindowPlane, clip_corners};
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -48,8 +48,8 @@ pub(super) struct PortalPath {
     /// Index in `PortalWalk::paths` of the path without its last portal, or `NONE` for a path that starts at
     /// the eye.
     pub(super) parent: u32,
-    /// The last portal of this path, the one nearest to the cell that the path leads to. Meaningless if
-    /// `parent` is `NONE`.
+    /// The last portal of this path, the one nearest to the cell that the path leads to. `NONE`, which is no
+    /// portal, if `parent` is `NONE`.
     pub(super) portal: PortalId,
     /// Index in `PortalWalk::paths` of the path to the same cell that was found just before this path, or
     /// `NONE` if this path was found first.
@@ -298,7 +298,7 @@ impl PortalWalk {
         let direction = id.index() * 2 + usize::from(forward);
         // A line does not return through the portal that it has just crossed. For an eye in the portal's
         // plane, the test of sides below cannot tell this.
-        let back = from.parent != NONE && from.portal == id;
+        let back = from.portal == id;
         if !cells.doors.passes(id, forward)
             || back
             || self.passed[direction]
@@ -419,7 +419,7 @@ impl PortalWalk {
         // The visible corners are kept for `PortalEye::windows`. A portal whose direction is undecided does
         // not narrow the window by its own edges.
         let Some(sign) = sign else {
-            return Some((self.edge_on(eye_view, outline, vertices, window, error), corners));
+            return Some((self.edge_on(eye_view, outline.normal, window, error), corners));
         };
         let start = self.sides.len();
         let mut rectangle = window.rectangle;
@@ -456,47 +456,19 @@ impl PortalWalk {
 
     /// Returns the window behind a portal whose plane passes, up to rounding, through the eye: `window`,
     /// further bounded to lines of sight close to that plane. Returns a copy of `window` where no such bound
-    /// is known. `vertices` are the portal's, in world space, counter-clockwise around the normal of
-    /// `outline`. `error` bounds the distance between the corners in `self.polygon`, the computed visible
-    /// part of the portal, and the exact visible part, in world units.
+    /// is known. `normal` is the portal's. `error` bounds the distance between the corners in `self.polygon`,
+    /// the computed visible part of the portal, and the exact visible part, in world units.
     ///
     /// Without this bound, an eye in the plane of a wall would see through all doors of the wall, and back
     /// through all other doors.
-    fn edge_on(
-        &mut self,
-        eye_view: &PortalView,
-        outline: &Outline,
-        vertices: &[DVec3],
-        window: &Window,
-        error: f64,
-    ) -> Window {
-        // Let `height` be the greatest height of an exact eye over the plane through the anchor, plus the
-        // greatest of an exact vertex, and let the visible part of the portal be at least `nearest` away from
-        // every eye. A line of sight that meets this part rises by at most `height / nearest` of its length,
-        // however far it extends.
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for corner in &self.polygon {
-            (low, high) = (low.min(corner.at), high.max(corner.at));
-        }
-        let nearest = low.max(-high).max(DVec3::ZERO).length() - error - eye_view.ball;
-        let own = outline.error + eye_view.error + eye_view.ball;
-        let height = vertices.iter().fold(0.0, |height: f64, &vertex| {
-            let at = vertex - eye_view.anchor;
-            height.max(outline.normal.dot(at).abs() + own + 32.0 * U * at.length())
-        });
-        let slope = height / nearest;
-        let eye = matches!(eye_view.lines, Lines::FromAnchor);
-        if !eye || nearest <= 0.0 || slope.is_nan() || slope > 0.25 {
-            return window.clone();
-        }
+    fn edge_on(&mut self, eye_view: &PortalView, normal: DVec3, window: &Window, error: f64) -> Window {
+        let corners = self.polygon.iter().map(|corner| corner.at);
+        let Some(planes) = eye_view.edge_on(corners, normal, error) else { return window.clone() };
         let start = self.sides.len() as u32;
         for place in window.sides.clone().take(MAX_WINDOW_PLANES) {
             self.sides.push(self.sides[place as usize]);
         }
-        for normal in [outline.normal, -outline.normal] {
-            let plane = visibility_core::geometry::Plane::new(normal, 0.0);
-            self.sides.push(WindowPlane { plane, slope, slack: own * (1.0 + slope) + f64::MIN_POSITIVE });
-        }
+        self.sides.extend(planes);
         Window { sides: start..self.sides.len() as u32, rectangle: window.rectangle, full_view: false }
     }
 
@@ -525,62 +497,154 @@ impl PortalWalk {
 
 fn crossing(eye_view: &PortalView, outline: &Outline, vertices: &[DVec3]) -> Crossing {
     let relative = vertices.iter().map(|&vertex| vertex - eye_view.anchor);
-    let [flaw, error] = [outline.flaw, outline.error].map(|error| error + eye_view.error);
-    // Each eye of a ball must be on the same side.
-    let error = error + eye_view.ball;
-    eye_view.crossing(relative, outline.normal, outline.width, flaw, error)
+    // Each eye of a ball must be on the same side. An error of the eye moves the polygon as a whole, so it
+    // does not tilt the polygon.
+    let error = outline.error + eye_view.error + eye_view.ball;
+    eye_view.crossing(relative, outline.normal, outline.width, outline.flaw, error)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use visibility_core::Pose;
-    use visibility_testing::Random;
+    use visibility_core::cells::CellGraph;
+    use visibility_core::geometry::{ConvexPolygon, Plane};
+    use visibility_core::pvs::{Viewcell, Viewcells};
+    use visibility_core::{Pose, View};
 
-    /// Windows through a portal whose plane may pass through the eye hold the points on lines from exact eyes
-    /// through exact vertices, wherever these are within their errors, which are large here. Half of an error
+    /// Returns a view along x from the origin, 90 degrees wide and high, whose eye is off by `error`.
+    fn eye_view(error: f64) -> PortalView {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, core::f64::consts::FRAC_PI_2, 1.0, 0.1, f64::INFINITY);
+        PortalView { error, ..PortalView::new(&view.unwrap()).unwrap() }
+    }
+
+    /// Returns a walk with one window, which is bounded by one plane without errors through the anchor.
+    fn walk_behind(normal: DVec3) -> (PortalWalk, Window) {
+        let mut walk = PortalWalk::default();
+        let side = WindowPlane { plane: Plane::new(normal, 0.0), slope: 0.0, slack: 0.0 };
+        let window = walk.window([side], [-1.0, 1.0, -1.0, 1.0]);
+        (walk, window)
+    }
+
+    /// Returns a square across x whose sides have a length of 1, counter-clockwise around x.
+    fn square(middle: DVec3) -> [DVec3; 4] {
+        [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(|[y, z]| middle + DVec3::new(0.0, y, z))
+    }
+
+    fn outline(error: f64, flaw: f64) -> Outline {
+        Outline { normal: DVec3::X, error, flaw, width: 1.0 }
+    }
+
+    /// A portal outside of a window by less than its error and that of the eye is in it. Half of an error
     /// would not do.
     #[test]
-    fn windows_seen_edge_on_hold_lines_from_exact_eyes() {
-        let mut random = Random(1);
-        let view = visibility_core::View::perspective(
-            Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z),
-            1.0,
-            1.0,
-            0.1,
-            f64::INFINITY,
-        );
-        let mut eye_view = PortalView::new(&view.unwrap()).unwrap();
-        let (mut walk, mut bounded) = (PortalWalk::default(), 0);
-        let window = Window { sides: 0..0, rectangle: [-1.0, 1.0, -1.0, 1.0], full_view: false };
-        for trial in 0..40_000 {
-            let mut large = || [0.0, 0.1, 0.1 * random.unit()][random.below(3)];
-            let (flaw, error, ball) = (large(), large(), large());
-            (eye_view.error, eye_view.ball) = (error, ball);
-            let outline = Outline { normal: DVec3::Z, error: flaw, flaw, width: 1.0 };
-            let slant = if random.one_in(2) { 0.0 } else { random.range(-0.1, 0.1) };
-            let vertices = [[1.0, 0.0, 0.0], [2.0, 0.5, slant], [2.0, -0.5, -slant]].map(DVec3::from);
-            walk.sides.clear();
-            walk.polygon.clear();
-            walk.polygon.extend(vertices.map(|at| Corner { at, edge: EdgeSource::End }));
-            let seen = walk.edge_on(&eye_view, &outline, &vertices, &window, flaw + error);
-            // Lines rise most from an eye that is low and near to a vertex that is high and near.
-            let mut off = |size: f64, x: f64| {
-                let angle = random.range(1.2, 1.6) * if random.one_in(2) { 1.0 } else { -1.0 };
-                DVec3::new(x * angle.cos(), 0.0, angle.sin()) * size
-            };
-            let eye = off(error, 1.0) + off(ball, 1.0);
-            let exact = vertices[trial % 3] + off(flaw, -1.0);
-            let point = eye + (exact - eye) * 10f64.powf(random.range(0.0, 3.0));
-            for side in &walk.sides[seen.sides.start as usize..seen.sides.end as usize] {
-                let (distance, margin) = (side.plane.signed_distance(point), side.margin(point.length()));
-                assert!(
-                    distance >= -margin * (1.0 + 1e-9),
-                    "trial {trial}: {point} is {distance} inside {side:?}"
+    fn portals_are_in_a_window_up_to_the_errors_of_portal_and_eye() {
+        for (error, of_eye, at, is_in) in [
+            (0.1, 0.0, -0.09, true),
+            (0.0, 0.1, -0.09, true),
+            (0.1, 0.1, -0.19, true),
+            (0.1, 0.1, -0.21, false),
+        ] {
+            let (mut walk, window) = walk_behind(DVec3::Y);
+            let vertices = square(DVec3::new(1.0, at - 0.5, 0.0));
+            let (eye, outline) = (eye_view(of_eye), outline(error, error));
+            let found = walk.narrow(&eye, &outline, &vertices, &window, Some(1.0), Narrowing::Polygon);
+            assert_eq!(found.is_some(), is_in, "a portal up to y = {at}, off by {error}, eye by {of_eye}");
+        }
+    }
+
+    /// Rectangles hold the exact vertices, and planes close to a portal all lines that meet it, within large
+    /// errors.
+    #[test]
+    fn windows_hold_what_is_seen_through_portals_within_their_errors() {
+        let (mut walk, window) = walk_behind(DVec3::X);
+        let vertices = square(DVec3::X);
+        let mut narrow = |sign, narrowing| {
+            let (eye, outline) = (eye_view(0.0), outline(0.1, 0.1));
+            let (found, corners) = walk.narrow(&eye, &outline, &vertices, &window, sign, narrowing).unwrap();
+            assert_eq!(corners.len(), 4, "corners that are seen");
+            (walk.sides[found.sides.start as usize..found.sides.end as usize].to_vec(), found.rectangle)
+        };
+        let (_, rectangle) = narrow(Some(1.0), Narrowing::Rectangle);
+        // A vertex 0.1 nearer to the eye or farther aside, at 0.5 of the screen.
+        assert!(rectangle.iter().all(|end| (0.6..0.7).contains(&end.abs())), "{rectangle:?}");
+        let (sides, _) = narrow(None, Narrowing::Polygon);
+        assert_eq!(sides.len(), 1, "the plane of the window: the portal is not seen edge on");
+        let vertices = vertices.map(|p| DVec3::new(p.y + 1.5, p.x - 1.0, p.z));
+        let edge_on = Outline { normal: -DVec3::Y, ..outline(0.1, 0.1) };
+        let found = walk.narrow(&eye_view(0.0), &edge_on, &vertices, &window, None, Narrowing::Polygon);
+        let sides = found.unwrap().0.sides;
+        let slopes = walk.sides[sides.start as usize..sides.end as usize].iter().map(|side| side.slope);
+        // Lines rise by 0.1 on the metre to the portal.
+        assert_eq!(slopes.clone().count(), 3, "planes of a window behind a portal seen edge on");
+        assert!(slopes.skip(1).all(|slope| (0.1..0.101).contains(&slope)), "slopes of the last two");
+    }
+
+    #[test]
+    fn windows_have_a_greatest_number_of_planes() {
+        let (mut walk, window) = walk_behind(DVec3::X);
+        let corner = |i: u32| DVec3::new(1.0, 0.0, 0.0) + 0.5 * DVec3::Y.rotate_x(f64::from(i) * 0.1);
+        let vertices: Vec<_> = (0..60).map(corner).collect();
+        let (eye, outline) = (eye_view(0.0), outline(0.0, 0.0));
+        let found = walk.narrow(&eye, &outline, &vertices, &window, Some(1.0), Narrowing::Polygon);
+        assert_eq!(found.unwrap().0.sides.len(), MAX_WINDOW_PLANES, "planes of a portal with 60 vertices");
+    }
+
+    /// The direction is undecided where an exact eye may be on either side of the exact polygon. Half of an
+    /// error would not do.
+    #[test]
+    fn eyes_near_the_plane_of_a_portal_cross_it_in_no_direction() {
+        for (error, flaw, of_eye, ball, least) in [
+            (0.1, 0.0, 0.0, 0.0, 0.1),
+            (0.0, 0.0, 0.1, 0.0, 0.1),
+            (0.0, 0.0, 0.0, 0.1, 0.1),
+            // Vertices that are off tilt a polygon whose farthest vertex is half a metre times the root of
+            // two from the foot of the eye.
+            (0.1, 0.1, 0.0, 0.0, 0.1 + 0.2 * 0.5f64.sqrt()),
+        ] {
+            let eye = PortalView { ball, ..eye_view(of_eye) };
+            for (x, expected) in [
+                (least * 0.99, Crossing::Undecided),
+                (least * 1.1, Crossing::Along),
+                (-least * 1.1, Crossing::Against),
+            ] {
+                let found = crossing(&eye, &outline(error, flaw), &square(DVec3::X * x));
+                assert_eq!(
+                    found, expected,
+                    "{x} from a portal off by {error}, {flaw}, eye by {of_eye}, {ball}"
                 );
-                bounded += 1;
             }
         }
-        assert!(bounded > 20_000, "{bounded} planes bound a window");
+    }
+
+    #[test]
+    fn covered_mirrors_and_backs_of_mirrors_are_not_seen() {
+        let viewcells = Viewcells::new([Viewcell::from_box(DVec3::splat(-9.0), DVec3::splat(9.0))]);
+        let mut cells = SceneCells::new(CellGraph::new(1, []).unwrap(), viewcells, 0.0).unwrap();
+        let mut glass = square(DVec3::X);
+        let back = cells.add_mirror(CellId(0), &ConvexPolygon::new(glass).unwrap()).unwrap();
+        glass.reverse();
+        let front = cells.add_mirror(CellId(0), &ConvexPolygon::new(glass).unwrap()).unwrap();
+        for (is_uncovered, count) in [(true, 1), (false, 0)] {
+            for mirror in [back, front] {
+                cells.set_mirror(mirror, is_uncovered).unwrap();
+            }
+            let mut walk = PortalWalk::default();
+            walk.try_all_mirrors(&cells, &eye_view(0.0));
+            assert_eq!(walk.mirrors.len(), count, "mirrors seen, uncovered: {is_uncovered}");
+        }
+    }
+
+    /// A box that is outside of a window by less than its error is seen.
+    #[test]
+    fn boxes_are_seen_up_to_their_error() {
+        let (mut walk, window) = walk_behind(DVec3::Y);
+        (walk.heads, walk.counts) = (alloc::vec![0], alloc::vec![1]);
+        let (cell, parent, portal, next, corners) = (CellId(0), NONE, PortalId(NONE), NONE, 0..0);
+        walk.paths.push(PortalPath { cell, parent, portal, next, window, corners });
+        for (y, is_seen) in [(-0.09, true), (-0.11, false)] {
+            let at = DVec3::new(0.0, y, 0.0);
+            assert_eq!(walk.shows(cell, at, at, 0.1, &mut 0), is_seen, "a box at {y}, off by 0.1");
+        }
     }
 }

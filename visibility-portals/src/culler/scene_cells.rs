@@ -391,3 +391,63 @@ pub(super) fn in_world(bounds: &Aabb, origin: DVec3, tolerance: f64) -> (DVec3, 
     let grown = DVec3::splat(tolerance) + (min.abs().max(max.abs())) * f64::EPSILON;
     (min - grown, max + grown)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::pvs::Viewcell;
+
+    /// Boxes hold the exact box and its tolerance. Each sum rounds by half of its last place, half to even,
+    /// and so does each difference.
+    #[test]
+    fn boxes_in_the_world_hold_the_exact_box() {
+        let far = 9_007_199_254_740_992.0;
+        for (x, ends, tolerance, [low, high]) in [
+            (-far, [-1.0, far], 0.0, [-far - 2.0, 0.0]),
+            (far, [-far, 1.0], 0.0, [0.0, far + 2.0]),
+            (0.0, [-1.0, 1.0], 0.25, [-1.25, 1.25]),
+        ] {
+            let bounds = Aabb::from_arrays([ends[0] as f32; 3], [ends[1] as f32; 3]);
+            let (min, max) = in_world(&bounds, DVec3::splat(x), tolerance);
+            assert!(min.cmple(DVec3::splat(low)).all(), "{min} of a box from {low}");
+            assert!(max.cmpge(DVec3::splat(high)).all(), "{max} of a box up to {high}");
+            let near = DVec3::splat(x.abs() * 1e-15 + 1e-12);
+            let is_close = min.cmpge(low - near).all() && max.cmple(high + near).all();
+            assert!(is_close, "{min} to {max} is close to {low} and {high}");
+        }
+    }
+
+    /// Two rooms that reach 1.5 across the plane of the door between them.
+    fn rooms(tolerance: f64) -> Result<SceneCells, SceneCellsError> {
+        let door = [[4.0, 1.0, -1.0], [4.0, 3.0, -1.0], [4.0, 3.0, 1.0], [4.0, 1.0, 1.0]];
+        let door = ConvexPolygon::new(door.map(DVec3::from)).unwrap();
+        let graph = CellGraph::new(2, [(door, [CellId(0), CellId(1)])]).unwrap();
+        let room = |x: f64| Viewcell::from_box(DVec3::new(x - 1.5, 0.0, -2.0), DVec3::new(x + 5.5, 4.0, 2.0));
+        SceneCells::new(graph, Viewcells::new([room(0.0), room(4.0)]), tolerance)
+    }
+
+    /// The tolerance is that of volumes, portals, mirrors and objects. Half of it would not do.
+    #[test]
+    fn all_of_the_cells_have_their_tolerance() {
+        for tolerance in [-1.0, f64::INFINITY, f64::NEG_INFINITY] {
+            let is_refused = matches!(rooms(tolerance), Err(SceneCellsError::Tolerance(t)) if t == tolerance);
+            assert!(is_refused, "a tolerance of {tolerance}");
+        }
+        assert!(matches!(rooms(f64::NAN), Err(SceneCellsError::Tolerance(_))), "a tolerance of NaN");
+        let mut cells = rooms(0.1).unwrap();
+        let mirror = cells.graph.portals()[0].polygon().clone();
+        cells.add_mirror(CellId(0), &mirror).unwrap();
+        assert!(cells.outlines[0].error >= 0.1, "error of the door");
+        assert!(cells.mirrors[0].outline.error >= 0.1, "error of the mirror");
+        assert_eq!(cells.tolerance, 0.1, "tolerance of starting cells");
+        let mut scene = Scene::new();
+        let add = |scene: &mut Scene, x| scene.insert(Aabb::from_arrays([x, 1.0, 0.0], [9.9, 2.0, 1.0]));
+        let [near, far] = [9.58, 9.62].map(|x| add(&mut scene, x));
+        cells.sync(&scene);
+        assert_eq!(cells.cells_of(near), [CellId(1)], "cells of an object within the tolerance");
+        assert_eq!(cells.cells_of(far), [], "cells of an object beyond it");
+        let added = add(&mut scene, 1.0);
+        cells.sync(&scene);
+        assert_eq!(cells.cells_of(added), [CellId(0), CellId(1)], "cells of an object that was added later");
+    }
+}

@@ -91,6 +91,10 @@ impl Culler for SharedPortalCuller {
         }
     }
 
+    fn hides_behind_undrawn(&self) -> bool {
+        true
+    }
+
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let Self { cells, eye, .. } = self;
         for _ in 0..2 {

@@ -3,6 +3,7 @@
 
 use super::window_plane::{U, USELESS, WindowPlane};
 use smallvec::SmallVec;
+use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
 use visibility_core::view::{ClipRow, ViewProjection, ViewRegion};
 use visibility_core::{View, view::Eye};
@@ -148,6 +149,40 @@ impl PortalView {
             Lines::FromAnchor => WindowPlane::through_edge(a, b, sign, error),
             Lines::Along(direction, turn) => WindowPlane::along(direction, turn, a, b, sign, error),
         }
+    }
+
+    /// Returns two half-spaces, one on each side of the plane through the anchor with the unit normal
+    /// `normal`, that together bound the lines of sight which meet a polygon. The corners of the polygon are
+    /// anchor-relative, and each point of the exact polygon is within `error` world units, which include the
+    /// error of the eye, of the polygon that the corners span. `None` if lines of sight are parallel, or may
+    /// rise from the plane by more than a quarter of their length.
+    pub(super) fn edge_on(
+        &self,
+        corners: impl Iterator<Item = DVec3>,
+        normal: DVec3,
+        error: f64,
+    ) -> Option<[WindowPlane; 2]> {
+        // A line of sight begins at an eye `e`, no farther from the anchor than `r`, the error of the eye plus
+        // the radius of the ball. The line has the direction `p + d`, where `p` is a point of the polygon
+        // that the corners span, and `d` at most `s`, `error` plus the radius, long. If `s < |p|`, the sine
+        // of the angle between the line and `p` is at most `s / |p|`; that of the angle between `p` and the
+        // plane is `|n . p| / |p|`. The sine of a sum of angles is at most the sum of their sines, so the
+        // line rises by at most `(|n . p| + s) / |p|` of its length. This is at most `slope`, since no corner
+        // is higher than `height`, and no point of the polygon nearer than `nearest`. A point `x` of the line
+        // is at most `|x| + r` from `e`, so `|n . x| <= r + slope (|x| + r)`.
+        // With the unit round-off `u` = 2^-53: `|n . p|` rounds by `3u |p|`, and so does `|n . x|`; the
+        // length of the normal is off by `4u`; the slope, if at most a quarter, rounds by less than `2u`.
+        let (mut low, mut high, mut height) = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0f64);
+        for at in corners {
+            (low, high) = (low.min(at), high.max(at));
+            height = height.max(normal.dot(at).abs() + 32.0 * U * at.length());
+        }
+        let nearest = low.max(-high).max(DVec3::ZERO).length();
+        let slope = (height + error + self.ball) / nearest;
+        let slack = (self.error + self.ball) * (1.0 + slope) + f64::MIN_POSITIVE;
+        // Written so that a NaN, of a corner at the anchor, is rejected as well.
+        (self.lines == Lines::FromAnchor && slope <= 0.25)
+            .then(|| [normal, -normal].map(|n| WindowPlane { plane: Plane::new(n, 0.0), slope, slack }))
     }
 }
 
@@ -331,5 +366,91 @@ mod tests {
             counts[kind] += 1;
         }
         assert!(counts.iter().all(|&count| count > 5_000), "planes: {counts:?}");
+    }
+
+    /// Planes close to a polygon that is seen edge on hold the lines from exact eyes through its exact
+    /// points, wherever these are within their errors, which are large here. Half of an error would not do.
+    #[test]
+    fn lines_through_a_polygon_seen_edge_on_rise_no_more_than_its_planes() {
+        let mut random = visibility_testing::Random(1);
+        let wide = view([DVec3::X, DVec3::Y, DVec3::Z], [0.0; 3]).unwrap();
+        let (mut eye_view, mut found) = (PortalView::new(&wide).unwrap(), 0);
+        for trial in 0..60_000 {
+            let mut large = || [0.0, 0.1, 0.1 * random.unit()][random.below(3)];
+            let flaw = large();
+            (eye_view.error, eye_view.ball) = (large(), large());
+            let error = flaw + eye_view.error;
+            let slant = if random.one_in(2) { 0.0 } else { random.range(-0.1, 0.1) };
+            let corners = [[1.0, 0.0, slant], [2.0, 0.5, 0.0], [2.0, -0.5, -slant]].map(DVec3::from);
+            let Some(planes) = eye_view.edge_on(corners.into_iter(), DVec3::Z, error) else { continue };
+            // Lines rise most from an eye that is low through a vertex that is high, and from what is near.
+            let up = if random.one_in(2) { 1.0 } else { -1.0 };
+            let angle = random.range(1.2, 1.6);
+            let toward = DVec3::new(-angle.cos(), 0.0, angle.sin() * up);
+            let eye = -toward * (eye_view.error + eye_view.ball);
+            let exact = corners[trial % 3] + toward * flaw;
+            let far = if random.one_in(4) { 0.0 } else { 10f64.powf(random.range(0.0, 3.0)) };
+            let point = eye + (exact - eye) * far;
+            for side in planes {
+                let (distance, margin) = (side.plane.signed_distance(point), side.margin(point.length()));
+                assert!(
+                    distance >= -margin * (1.0 + 1e-9),
+                    "trial {trial}: {point} is {distance} inside {side:?}"
+                );
+                found += 1;
+            }
+        }
+        assert!(found > 60_000, "{found} planes bound a window");
+    }
+
+    /// Points of the plane of a polygon whose plane passes exactly through the eye are held, far behind the
+    /// polygon as well, where rounding decides.
+    #[test]
+    fn rounding_loses_no_line_through_a_polygon_seen_edge_on() {
+        let mut random = Random(7);
+        let wide = view([DVec3::X, DVec3::Y, DVec3::Z], [0.0; 3]).unwrap();
+        let eye_view = PortalView { error: 0.0, ..PortalView::new(&wide).unwrap() };
+        let mut found = 0;
+        for trial in 0..20_000 {
+            let [a, b] = [(); 2].map(|()| random.vector(1 << 20));
+            let unit = a.to_f64().cross(b.to_f64()).normalize();
+            // Corners, and a point behind them, whose coordinates are integers of less than 2^53.
+            let corners = [a, a.times(3).plus(b), a.times(3).minus(b)];
+            let point = a.times(1 << 20).plus(b.times(random.below(1 << 18))).to_f64();
+            let corners = corners.into_iter().map(|corner| corner.to_f64());
+            let Some(planes) = eye_view.edge_on(corners, unit, 0.0) else { continue };
+            for side in planes {
+                let is_outside = side.excludes(point, point, 0.0);
+                assert!(!is_outside, "trial {trial}: {point} of the plane of {a:?}, {b:?}, {side:?}");
+                found += 1;
+            }
+        }
+        assert!(found > 10_000, "{found} planes bound a window");
+    }
+
+    #[test]
+    fn planes_close_to_a_polygon_bound_flat_lines_from_an_eye_alone() {
+        let wide = view([DVec3::X, DVec3::Y, DVec3::Z], [0.0; 3]).unwrap();
+        let from_eye = PortalView::new(&wide).unwrap();
+        let parallel = PortalView { lines: Lines::Along(DVec3::X, 0.0), ..from_eye.clone() };
+        for (eye_view, x, error, is_bounded) in [
+            (&from_eye, 1.0, 0.2, true),
+            (&from_eye, 1.0, 0.3, false),
+            (&from_eye, 0.0, 0.0, false),
+            (&parallel, 1.0, 0.2, false),
+        ] {
+            let corners = [[x, 0.0, 0.0], [x + 1.0, 1.0, 0.0], [x + 1.0, 0.0, 0.0]].map(DVec3::from);
+            let planes = eye_view.edge_on(corners.into_iter(), DVec3::Z, error);
+            assert_eq!(planes.is_some(), is_bounded, "a polygon from x = {x}, off by {error}");
+        }
+    }
+
+    #[test]
+    fn views_with_a_plane_infinitely_far_away_are_refused() {
+        let wide = view([DVec3::X, DVec3::Y, DVec3::Z], [0.0; 3]).unwrap();
+        for (size, is_refused) in [(1e-300, true), (1.0, false)] {
+            let clipped = wide.with_clip_planes(&[Plane::new(DVec3::X * size, 1e100)]).unwrap();
+            assert_eq!(PortalView::new(&clipped).is_none(), is_refused, "a normal of length {size}");
+        }
     }
 }

@@ -5,7 +5,7 @@
 //! call the clipped plane the sub-hyperplane). The part that two leaves on opposite sides share, minus the
 //! opaque polygons, is a portal.
 
-use super::merge_pieces::{hull, merge_pieces};
+use super::merge_pieces::{convex_polygons, hull, merge_pieces};
 use super::subtract_polygons::{Lengths, bounds, subtract, widened_sides, width};
 use crate::clip_polygon::clip_into;
 use alloc::vec::Vec;
@@ -272,7 +272,7 @@ impl Bsp {
                         leaves[sees_back as usize].backs += area;
                     }
                     merge_pieces(&mut open, normal);
-                    let polygons = open.into_iter().filter_map(|piece| ConvexPolygon::new(piece).ok());
+                    let polygons = convex_polygons(open, &piece, normal, lengths.sliver * 0.25);
                     portals.extend(polygons.map(|polygon| (polygon, [back, front])));
                 }
             }

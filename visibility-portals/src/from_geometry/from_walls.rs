@@ -18,11 +18,11 @@ use visibility_core::{
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[must_use]
 pub struct WallSettings {
-    tolerance: f64,
-    min_share: f64,
-    min_area: Option<f64>,
-    margin: f64,
-    max_cells: usize,
+    pub(crate) tolerance: f64,
+    pub(crate) min_share: f64,
+    pub(crate) min_area: Option<f64>,
+    pub(crate) margin: f64,
+    pub(crate) max_cells: usize,
 }
 
 impl Default for WallSettings {

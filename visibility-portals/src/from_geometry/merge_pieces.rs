@@ -6,7 +6,8 @@
 
 use super::subtract_polygons::{area, bounds};
 use alloc::vec::Vec;
-use visibility_core::glam::DVec3;
+use visibility_core::geometry::{ConvexPolygon, PolygonError};
+use visibility_core::glam::{DVec2, DVec3};
 
 /// Maximum fraction of the area of the convex hull of two or more pieces that the pieces may leave uncovered
 /// for the hull to replace them.
@@ -112,9 +113,72 @@ pub(super) fn hull(points: impl Iterator<Item = DVec3>, normal: DVec3) -> Vec<DV
     hull.into_iter().map(|(_, _, p)| p).collect()
 }
 
+/// Returns the open `pieces` of a `section` between two leaves as convex polygons that cover at least the same
+/// area, up to rounding. Pieces without area are left out. `normal` is the unit normal of all.
+///
+/// Vertices that should be one are often two, and the edge between them has any direction: to the others, it
+/// makes a polygon that is not convex. Edges of at most `short` world units become a point, in which the edges
+/// beside them meet. The whole section takes the place of a piece that is not convex even so.
+pub(super) fn convex_polygons(
+    pieces: Vec<Vec<DVec3>>,
+    section: &[DVec3],
+    normal: DVec3,
+    short: f64,
+) -> impl Iterator<Item = ConvexPolygon> {
+    pieces.into_iter().filter_map(move |mut piece| {
+        drop_short_edges(&mut piece, normal, short);
+        match ConvexPolygon::new(piece) {
+            Ok(polygon) => Some(polygon),
+            Err(PolygonError::NoPlane | PolygonError::TooFewVertices { .. }) => None,
+            Err(_) => {
+                let mut section = section.to_vec();
+                drop_short_edges(&mut section, normal, short);
+                ConvexPolygon::new(section.iter().copied())
+                    .or_else(|_| ConvexPolygon::new(rectangle_around(&section, normal)))
+                    .ok()
+            }
+        }
+    })
+}
+
+/// Replaces each edge of at most `short` world units, the shortest first, by the point where the lines along
+/// the edges before and after it meet. A short edge across a sharp corner stays.
+fn drop_short_edges(polygon: &mut Vec<DVec3>, normal: DVec3, short: f64) {
+    while polygon.len() > 3 {
+        let count = polygon.len();
+        let at = |i: usize| polygon[i % count];
+        let sides = |i: usize| (at(i) - at(i + count - 1), at(i + 2) - at(i + 1));
+        let is_blunt = |&i: &usize| {
+            let (before, after) = sides(i);
+            before.dot(after) > -0.9 * before.length() * after.length()
+        };
+        let length = |i: usize| at(i).distance(at(i + 1));
+        let shortest = (0..count).filter(is_blunt).min_by(|&i, &j| length(i).total_cmp(&length(j)));
+        let Some(i) = shortest.filter(|&i| length(i) <= short) else { return };
+        let (before, after) = sides(i);
+        let along = (at(i + 1) - at(i)).cross(after).dot(normal) / before.cross(after).dot(normal);
+        let meeting = at(i) + before * along;
+        // Of edges along one line, only rounding keeps the point where they meet from either end.
+        let point = if meeting.distance(at(i)) <= 4.0 * short { meeting } else { at(i) };
+        polygon[i] = point;
+        polygon.remove((i + 1) % count);
+    }
+}
+
+/// Returns the vertices of a rectangle around points in a plane with the unit normal `normal`.
+fn rectangle_around(points: &[DVec3], normal: DVec3) -> [DVec3; 4] {
+    let u = normal.any_orthonormal_vector();
+    let v = normal.cross(u);
+    let first = points.first().copied().unwrap_or_default();
+    let flat = points.iter().map(|&p| DVec2::new(u.dot(p - first), v.dot(p - first)));
+    let (min, max) = flat.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+    [min, DVec2::new(max.x, min.y), max, DVec2::new(min.x, max.y)].map(|p| first + u * p.x + v * p.y)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::vec;
 
     fn rectangle(x: [f64; 2], y: [f64; 2]) -> Vec<DVec3> {
         [[x[0], y[0]], [x[1], y[0]], [x[1], y[1]], [x[0], y[1]]].map(|[x, y]| DVec3::new(x, y, 7.0)).to_vec()
@@ -151,5 +215,43 @@ mod tests {
             };
             assert!(pieces.iter().any(inside), "{corner} is not covered");
         }
+    }
+
+    fn only(piece: Vec<DVec3>) -> Option<ConvexPolygon> {
+        let section = rectangle([-5.0, 25.0], [-5.0, 15.0]);
+        convex_polygons(vec![piece], &section, DVec3::Z, 1e-3).next()
+    }
+
+    /// Two vertices 1e-14 apart, between which an edge leads anywhere, at a corner and along a side.
+    #[test]
+    fn edges_without_a_direction_leave_a_polygon_convex() {
+        let off = DVec3::new(3e-15, -9e-15, 0.0);
+        let [a, b, c, d] = rectangle([0.0, 20.0], [0.0, 10.0])[..] else { unreachable!() };
+        let middle = (a + b) * 0.5;
+        let pieces =
+            [vec![a, b, b + off, c, d], vec![a, middle, middle + off, b, c, d], vec![a, a - off, b, c, d]];
+        for piece in pieces {
+            assert!(ConvexPolygon::new(piece.clone()).is_err(), "{piece:?}");
+            let polygon = only(piece).unwrap();
+            assert!((polygon.area() - 200.0).abs() < 1e-9, "{polygon:?}");
+        }
+    }
+
+    /// A corner that is cut off by less than the length of short edges, and a tip as narrow.
+    #[test]
+    fn short_edges_are_left_out_outwards() {
+        let [x, y] = [DVec3::X, DVec3::Y];
+        let polygon = only(vec![x * 1e-4, x, x + y, y, y * 1e-4]).unwrap();
+        assert!(polygon.vertices().len() == 4 && (polygon.area() - 1.0).abs() < 1e-12, "{polygon:?}");
+        let tip = vec![y * -5e-5, x * 9.0 - y, x * 9.0 + y, y * 5e-5];
+        assert_eq!(only(tip.clone()).unwrap().vertices(), tip, "a narrow tip");
+    }
+
+    #[test]
+    fn the_whole_section_takes_the_place_of_what_is_not_convex() {
+        let [x, y] = [DVec3::X, DVec3::Y];
+        let arrow = vec![DVec3::ZERO, x * 4.0 - y * 3.0, x * 2.0, x * 4.0 + y * 3.0];
+        assert_eq!(only(arrow).unwrap().area(), 600.0, "the area of the section");
+        assert_eq!(only(vec![x, x * 2.0, x * 3.0]), None, "a piece without area");
     }
 }

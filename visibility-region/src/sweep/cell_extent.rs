@@ -110,6 +110,7 @@ impl CellExtent {
 mod tests {
     use super::*;
     use alloc::vec;
+    use visibility_core::geometry::DoubleDouble;
     use visibility_core::glam::DQuat;
 
     /// Makes a viewcell that is an oriented box, given by its rotation, middle and half sizes.
@@ -157,6 +158,34 @@ mod tests {
                 DVec3::AXES,
                 "{cell:?} has the axes of the world"
             );
+        }
+    }
+
+    /// Bounds along the normal of a plane hold the points of that plane, far from the origin of the world,
+    /// where the plane's offset cancels. Compared in double-double numbers.
+    #[test]
+    fn bounds_by_planes_are_right_up_to_rounding() {
+        let mut random = visibility_testing::Random(1);
+        for trial in 0..20_000 {
+            // The origin and a point of the plane are integers, and so is the plane.
+            let far = [1e3, 1e9][trial % 2];
+            let integers = |random: &mut visibility_testing::Random, size| random.vector(size).round();
+            let (origin, local) = (integers(&mut random, far), integers(&mut random, 8.0));
+            let (point, normal) = (origin + local, integers(&mut random, 1e3));
+            if normal == DVec3::ZERO {
+                continue;
+            }
+            let mut cell = Viewcell::from_box(origin - 8.0, origin + 8.0);
+            cell.planes = vec![Plane::new(normal, -normal.dot(point))];
+            let extent = CellExtent::new(&cell, origin).unwrap();
+            for axis in [normal.normalize(), random.direction()] {
+                let least = extent.least(axis);
+                let [x, y, z] = [0, 1, 2].map(|k| DoubleDouble::product(axis[k], local[k]));
+                let exact = x.plus(y).plus(z).plus(DoubleDouble::from(-least)).hi;
+                // The rounding of three products and two sums is left to the caller.
+                let allowed = 4.0 * f64::EPSILON * local.abs().element_sum();
+                assert!(exact >= -allowed, "trial {trial}: {local} is {exact} above {least}, {normal}");
+            }
         }
     }
 }

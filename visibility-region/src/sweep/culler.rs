@@ -222,7 +222,7 @@ impl ExtendedProjectionCuller {
             let mut left = asked.clone();
             stats += self.cull_behind(scene, &Viewcell::from_box(min, max), &occluding, &mut left, stop);
             stats += asked.retain(scene, |id, _| !left.contains(scene, id));
-            if stats.visible == 0 {
+            if stats.visible == 0 || stop() {
                 break;
             }
         }

@@ -218,3 +218,102 @@ impl Direction {
         [left, right]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_core::glam::Vec3;
+    use visibility_core::pvs::Viewcell;
+    use visibility_testing::Random;
+
+    /// Local coordinates of points, and the box that holds the viewcell, are right up to the error that they
+    /// have. Compared in double-double numbers.
+    #[test]
+    fn local_coordinates_are_within_their_error() {
+        let mut random = Random(1);
+        for trial in 0..4_000 {
+            let first = random.direction();
+            let second = first.cross(random.direction()).normalize();
+            let axes = [first, second, first.cross(second)];
+            let far = [1.0, 1e6][trial % 2];
+            let (middle, half) = (random.fine_vector(far), random.fine_vector(1.0).abs());
+            let cell = Viewcell::from_box(middle - half, middle + half);
+            let bounds = Aabb::new(Vec3::splat(-1e6), Vec3::splat(1e6));
+            let extent = CellExtent::new(&cell, DVec3::ZERO).unwrap();
+            let found = CellBox::new(&extent, &bounds, axes).unwrap();
+            // The exact image of a point along an axis of the box, relative to the middle of the box.
+            let exact = |axis: usize, p: DVec3| {
+                let [x, y, z] = [0, 1, 2].map(|k| DoubleDouble::product(axes[axis][k], p[k]));
+                x.plus(y).plus(z).plus(DoubleDouble::from(-found.center[axis]))
+            };
+            for corner in 0..8 {
+                let at = [0, 1, 2].map(|k| if corner >> k & 1 == 0 { cell.min[k] } else { cell.max[k] });
+                let at = [0, 1, 2].map(|axis| exact(axis, DVec3::from(at)).hi);
+                let is_held = DVec3::from(at).abs().cmple(found.half).all();
+                assert!(is_held, "trial {trial}: a corner of the viewcell at {at:?}, {:?}", found.half);
+            }
+            let point = random.vec3(-1e6, 1e6);
+            for index in 0..6 {
+                let direction = found.direction(index);
+                let local = direction.local_box(&Aabb::new(point, point)).lo;
+                let order = [(index + 1) % 3, (index + 2) % 3, index % 3];
+                for (k, axis) in order.into_iter().enumerate() {
+                    let at = exact(axis, point.as_dvec3());
+                    let back = k == 2 && index >= 3;
+                    let at = if back { at.negated() } else { at };
+                    let front = if k == 2 { -found.half[axis] } else { 0.0 };
+                    let off = at.plus(DoubleDouble::from(front)).plus(DoubleDouble::from(-local[k])).hi.abs();
+                    assert!(off <= direction.error, "trial {trial}: off by {off} along {k} of {index}");
+                }
+            }
+        }
+    }
+
+    /// A direction of a viewcell of 2 by 2 by 1, whose coordinates are off by 0.01.
+    fn direction() -> Direction {
+        let rows = [DVec3::X, DVec3::Y, DVec3::Z];
+        Direction { rows, offset: [0.0; 3], half: [1.0; 2], exact: [None; 2], depth: 1.0, error: 0.01 }
+    }
+
+    #[test]
+    fn a_viewcell_is_outside_of_boxes_farther_away_than_the_error() {
+        let direction = direction();
+        for axis in DVec3::AXES {
+            for (by, is_outside) in [(0.05, false), (0.09, false), (0.11, true)] {
+                let middle = DVec3::new(0.0, 0.0, -0.5);
+                let half = DVec3::new(1.0, 1.0, 0.5);
+                for sign in [1.0, -1.0] {
+                    let at = middle + axis * sign * (half.dot(axis) + by);
+                    let b = LocalBox { lo: at, hi: at };
+                    assert_eq!(direction.is_outside(&b, 0.1), is_outside, "{by} beside along {axis}, {sign}");
+                }
+            }
+        }
+    }
+
+    /// Boxes beside the way to another box, by less than the margin, may be between.
+    #[test]
+    fn what_is_between_is_told_up_to_the_margin() {
+        let direction = direction();
+        let other = LocalBox { lo: DVec3::new(-1.0, -1.0, 8.0), hi: DVec3::new(1.0, 1.0, 9.0) };
+        for lat in 0..2 {
+            for sign in [1.0, -1.0] {
+                for (by, is_between) in [(0.03, true), (0.07, true), (0.09, false)] {
+                    let mut at = DVec3::new(0.0, 0.0, 4.0);
+                    at[lat] = sign * (1.0 + by);
+                    let b = LocalBox { lo: at, hi: at };
+                    assert_eq!(direction.is_between(&b, &other), is_between, "{by} beside along {lat}");
+                }
+            }
+        }
+        for (z, is_between) in [(-0.1, false), (0.0, true), (8.0, true), (8.1, false)] {
+            let at = DVec3::new(0.0, 0.0, z);
+            assert_eq!(
+                direction.is_between(&LocalBox { lo: at, hi: at }, &other),
+                is_between,
+                "a box at {z}"
+            );
+        }
+    }
+}

@@ -130,3 +130,85 @@ pub(super) fn pixels_behind(
     };
     Some(PixelRect { x: along(0)?, y: along(1)? })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Aabb;
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_core::glam::{Mat3A, Vec3A};
+    use visibility_testing::Random;
+
+    fn direction(rows: [DVec3; 3], offset: DVec3) -> Direction {
+        let (offset, half) = (offset.to_array(), [0.5; 2]);
+        Direction { rows, offset, half, exact: [None; 2], depth: 1.0, error: 1e-12 }
+    }
+
+    /// Vertices of placed meshes are right up to the error that they have, beside that of the direction.
+    /// Compared in double-double numbers.
+    #[test]
+    fn vertices_are_within_their_error() {
+        let mut random = Random(1);
+        let cube = Aabb::new(Vec3::splat(-1.0), Vec3::splat(1.0));
+        let mesh = OccluderMesh::cuboid(&cube).unwrap();
+        for trial in 0..4_000 {
+            let first = random.direction();
+            let second = first.cross(random.direction()).normalize();
+            let direction = direction([first, second, first.cross(second)], random.vector(1e6));
+            let columns = [0; 3].map(|_| Vec3A::from(random.vec3(-1e3, 1e3)));
+            let matrix3 = Mat3A::from_cols(columns[0], columns[1], columns[2]);
+            let transform = Affine3A { matrix3, translation: random.vec3(-1e6, 1e6).into() };
+            let Some(occluder) = Occluder::new(&direction, &mesh, &transform) else { continue };
+            for &vertex in mesh.positions() {
+                let local = occluder.local(vertex);
+                let in_scene = [0, 1, 2].map(|k| {
+                    let terms =
+                        [0, 1, 2].map(|i| DoubleDouble::product(columns[i][k].into(), vertex[i].into()));
+                    terms[0].plus(terms[1]).plus(terms[2]).plus(f64::from(transform.translation[k]).into())
+                });
+                for (k, row) in direction.rows.iter().enumerate() {
+                    let [x, y, z] = [0, 1, 2].map(|i| DoubleDouble::from(row[i]).times(in_scene[i]));
+                    let exact = x.plus(y).plus(z).plus(DoubleDouble::from(-direction.offset[k]));
+                    // The error of the direction is for the offset.
+                    let off = exact.plus(DoubleDouble::from(-local[k])).hi.abs()
+                        - direction.offset[k].abs() * f64::EPSILON;
+                    assert!(off <= occluder.error - direction.error, "trial {trial}: {vertex} off by {off}");
+                    let reach = occluder.error;
+                    let is_held =
+                        (occluder.bounds.lo[k] - reach..=occluder.bounds.hi[k] + reach).contains(&local[k]);
+                    assert!(is_held, "trial {trial}: {local} within {:?}", occluder.bounds);
+                }
+            }
+        }
+    }
+
+    /// Whether a transform mirrors is told rightly, or the mesh is no occluder. Compared in integers: the
+    /// third column is nearly a sum of the other two.
+    #[test]
+    fn flat_transforms_are_not_said_to_mirror() {
+        let mut random = Random(2);
+        let cube = Aabb::new(Vec3::splat(-1.0), Vec3::splat(1.0));
+        let mesh = OccluderMesh::cuboid(&cube).unwrap();
+        let direction = direction([DVec3::X, DVec3::Y, DVec3::Z], DVec3::ZERO);
+        let mut counts = [0; 2];
+        for trial in 0..40_000 {
+            let most = 1 << 22;
+            let mut vector = |most: i64| [0; 3].map(|_| (random.bits() >> 10) as i64 % (2 * most + 1) - most);
+            let (a, b) = (vector(most), vector(most));
+            let off = vector([0, 1, 1 << 12][trial % 3]);
+            let c = [0, 1, 2].map(|k| a[k] + b[k] + off[k]);
+            let [a, b, c] = [a, b, c].map(|v| v.map(i128::from));
+            let exact: i128 = (0..3)
+                .map(|k| (a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3]) * c[k])
+                .sum();
+            let [x, y, z] = [a, b, c].map(|v| Vec3A::from(v.map(|x| x as f32)));
+            let transform = Affine3A { matrix3: Mat3A::from_cols(x, y, z), translation: Vec3A::ZERO };
+            let found = Occluder::new(&direction, &mesh, &transform);
+            counts[usize::from(found.is_some())] += 1;
+            if let Some(found) = found {
+                assert!(exact != 0 && found.mirrored == (exact < 0), "trial {trial}: {a:?} {b:?} {c:?}");
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 5_000), "refused and placed: {counts:?}");
+    }
+}

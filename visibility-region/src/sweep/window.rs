@@ -431,4 +431,100 @@ mod tests {
             }
         }
     }
+
+    /// A direction of a viewcell of a metre, whose coordinates are off by `error`.
+    fn direction(error: f64) -> Direction {
+        let rows = [DVec3::X, DVec3::Y, DVec3::Z];
+        Direction { rows, offset: [0.0; 3], half: [0.5; 2], exact: [None; 2], depth: 1.0, error }
+    }
+
+    /// Positions on a window that holds a single point are off by less than half of the slack.
+    #[test]
+    fn windows_are_wide_in_proportion_to_the_errors_of_positions() {
+        for (at, error) in [(0.0, 1e-6), (1e6, 0.0), (-1e6, 0.0)] {
+            let window = Window::fit(&direction(error), 1.0, [[at; 2]; 2], [None; 2]).unwrap();
+            let off = (1.0 + STEEPEST_BESIDE + ACROSS) * error + 16.0 * f64::EPSILON * f64::abs(at);
+            for lat in 0..2 {
+                let pixels = off * window.scale(lat);
+                assert!(pixels < 0.5 * SLACK, "{pixels} pixels at {at}, coordinates off by {error}");
+                let middle = window.pixel(at, lat);
+                assert!((200.0..300.0).contains(&middle), "{middle}, the pixel of the middle");
+            }
+        }
+    }
+
+    /// Pixels on either side of a rim are those whose points a range meets: the first on the inner side
+    /// begins at the rim, and the last on the outer side ends there. Ranges begin and end near the rim and
+    /// near borders of pixels.
+    #[test]
+    fn ranges_beside_a_rim_meet_the_pixels_of_their_side() {
+        for inwards in [1.0, -1.0] {
+            let rim = Rim { at: 0.25, inwards, exact: Some((0, 0.25)) };
+            let window = Window::fit(&direction(1e-12), 1.0, [[-8.0, 8.0]; 2], [Some(rim), None]).unwrap();
+            let inner = window.rims[0].unwrap().inner;
+            let (border, size) = (if inwards > 0.0 { inner } else { inner + 1 }, window.pixel_size(0));
+            let edge = |pixel: usize| {
+                if pixel == border { 0.25 } else { window.ends[0][0] + pixel as f64 * size }
+            };
+            // The border between pixels is on the outer side of the rim, by 4 slacks.
+            let off = (window.pixel(0.25, 0) - border as f64) * inwards;
+            assert!((BESIDE - 1e-6..BESIDE + 1e-6).contains(&off), "{off} pixels from the border to the rim");
+            let near = |at: f64| [-1e-3, -1e-10, 0.0, 1e-10, 1e-3, 0.5].map(|by| at + by * size);
+            let ends: Vec<f64> = (border - 2..border + 3).flat_map(|pixel| near(edge(pixel))).collect();
+            for (&low, &high) in ends.iter().flat_map(|low| ends.iter().map(move |high| (low, high))) {
+                if low > high {
+                    continue;
+                }
+                let what = || alloc::format!("{low} to {high}, a rim at 0.25, inwards {inwards}");
+                let is_inner = |pixel: usize| (pixel >= border) == (inwards > 0.0);
+                let meets = |pixel: usize| low <= edge(pixel + 1) && edge(pixel) <= high;
+                let bounds = |min: f32, max: f32| Aabb::new(Vec3::splat(min), Vec3::splat(max));
+                let is_within = (low - 0.25).min(high - 0.25) >= -1e-11 && inwards > 0.0
+                    || (low - 0.25).max(high - 0.25) <= 1e-11 && inwards < 0.0;
+                let is_beyond =
+                    (high - 0.25) <= 1e-11 && inwards > 0.0 || (low - 0.25) >= -1e-11 && inwards < 0.0;
+                let found = |bounds: Aabb| window.pixels([[low, high], [0.0; 2]], &bounds).unwrap().x;
+                let [first, last] = found(bounds(0.0, 1.0));
+                for pixel in border - 3..border + 4 {
+                    let is_found = (first..=last).contains(&pixel);
+                    assert!(is_found || !meets(pixel), "{}: {pixel} of {first} to {last}", what());
+                }
+                if is_within {
+                    let [first, last] =
+                        found(if inwards > 0.0 { bounds(0.25, 1.0) } else { bounds(0.0, 0.25) });
+                    for pixel in border - 3..border + 4 {
+                        let is_found = (first..=last).contains(&pixel);
+                        let must = meets(pixel) && is_inner(pixel);
+                        assert!(is_found || !must, "{} inside: {pixel} of {first} to {last}", what());
+                        assert!(!is_found || is_inner(pixel), "{} inside: {pixel} is outside", what());
+                    }
+                }
+                if is_beyond {
+                    let range = window.clip_outwards(window.widened([low, high], 0), 0);
+                    let [first, last] = range.map(|at| at as usize);
+                    for pixel in border - 3..border + 4 {
+                        let is_found = (first..=last).contains(&pixel);
+                        let must = meets(pixel) && !is_inner(pixel);
+                        assert!(is_found || !must, "{} outside: {pixel} of {range:?}", what());
+                        assert!(!is_found || !is_inner(pixel), "{} outside: {pixel} is inside", what());
+                    }
+                    let [from, to] = [low, high].map(|at| window.pixel(at, 0));
+                    let [from, to] = window.clip_at_rim([from, to], 0);
+                    assert!(
+                        from > to || !is_inner(from as usize) && !is_inner(to as usize),
+                        "{}: filled",
+                        what()
+                    );
+                }
+                let pixels = [low, high].map(|at| window.pixel(at, 0));
+                let passes = if inwards > 0.0 { high > 0.25 + 0.01 * size } else { low < 0.25 - 0.01 * size };
+                assert!(!passes || window.clip_at_rim(pixels, 0) == pixels, "{}: passes the rim", what());
+            }
+            // Points at the rim, and beyond it, are outside; others are not.
+            let point = |x: f64| Vec3::splat((0.25 + x * inwards) as f32);
+            let inside = |points: &[Vec3]| window.is_outside(points);
+            assert_eq!(inside(&[point(0.0), point(-1.0)]), [true, false], "points at the rim and beyond");
+            assert_eq!(inside(&[point(-1.0), point(0.125)]), [false; 2], "a point inside");
+        }
+    }
 }

@@ -250,3 +250,29 @@ fn sides_that_underflow_are_unsure() {
         assert_eq!(proof.check(&world.triangles).err(), LOOP, "coordinates of {e}");
     }
 }
+
+/// A sliver of 2e-5 m between two small boxes, and a loop 2e-7 m off its plane: in `f64`, the cross product of
+/// two of its sides is as far off. All segments pass inside the loop and miss the sliver.
+#[test]
+fn loops_off_the_plane_of_a_sliver_are_refused() {
+    let sliver = [
+        [-0.000_351_331_662, -7.345_137_19e-7, -4.398_289_38e-7],
+        [57.239_559_6, -60.817_386_6, -54.998_531_3],
+        [28.619_604_1, -30.408_693_3, -27.499_265_7],
+    ];
+    let loop_ = [
+        [28.619_031_444_069_112, -30.408_085_160_570_455, -27.498_715_940_896_24],
+        [28.620_176_242_267_14, -30.409_301_508_271_753, -27.499_815_911_511_9],
+        [28.620_176_372_133_2, -30.409_301_418_704_97, -27.499_815_875_396_312],
+        [28.619_031_573_935_175, -30.408_085_071_003_676, -27.498_715_904_780_65],
+    ];
+    let around = |x: f64, y: f64, z: f64| [-1e-9, 1e-9].map(|by| DVec3::new(x, y, z) + DVec3::splat(by));
+    let [min, max] = around(26.979_731_902_673_37, -31.270_857_803_371_765, -28.252_586_663_436_944);
+    let [from, to] = around(30.259_475_912_528_95, -29.546_528_775_903_656, -26.745_945_152_855_604);
+    let world = World::new(sliver, &[]);
+    let line = [(min + max) / 2.0, (from + to) / 2.0].map(|x| x.to_array());
+    let step = ring(world.piece(0), &loop_.map(DVec3::from_array), line, &[const { LoopEdge::Inside }; 4]);
+    let target = Target::Box { min: from, max: to };
+    let proof = Proof { cell: CellBox { min, max }, target, clearance: 0.0, steps: vec![step; 9] };
+    assert_eq!(proof.check(&world.triangles), Err(ProofError::Loop), "a loop off its occluder");
+}

@@ -384,7 +384,7 @@ fn ridges_next_to_the_plane_of_the_target_are_refused() {
         let [far, ridge, left, right] = [corners(1, 0), corners(1, 1), corners(1, 2), corners(2, 1)];
         if [[far, left], [left, ridge], [far, right], [right, ridge]]
             .iter()
-            .all(|edge| check.is_missed(&sight, edge, true))
+            .all(|edge| check.is_missed(&sight, edge, true, LINE.map(DVec3::from_array)))
         {
             tried[usize::from(is_tent)] += 1;
             let from = sight.p.center();

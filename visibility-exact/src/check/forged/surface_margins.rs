@@ -181,19 +181,23 @@ fn surfaces_through_the_planes_of_both_polygons_hold() {
 fn edges_beyond_the_ends_of_segments_are_missed() {
     let (world, _) = world();
     let (check, sight) = world.node_from(-DVec3::X);
+    let line = LINE.map(DVec3::from_array);
     for (x, expected) in [(-200.0, true), (200.0, true), (0.0, false)] {
         let edge = [-9.0, 9.0].map(|z| (DVec3::new(x, 4.0, z), None));
-        assert_eq!(check.is_missed(&sight, &edge, false), expected, "an edge at {x}");
+        assert_eq!(check.is_missed(&sight, &edge, false, line), expected, "an edge at {x}");
     }
     // Behind a tilted polygon, but not behind the farthest of its points.
     let tilted = [[80.0, 2.0, 2.0], [86.0, 6.0, 2.0], [83.0, 4.0, 6.0]].map(DVec3::from_array);
     let behind = tilted[2] - DVec3::Z * 3.0 + DVec3::new(2.0, -3.0, 0.0) * 0.25;
     let edge = [-9.0, 9.0].map(|z| (behind + DVec3::Z * z, None));
     for (p, q) in [(sight.p, Polygon::new(&tilted)), (Polygon::new(&tilted), sight.p)] {
-        assert!(check.is_missed(&Sight { p, q, ..sight }, &edge, false), "an edge behind {p:?} or {q:?}");
+        assert!(
+            check.is_missed(&Sight { p, q, ..sight }, &edge, false, line),
+            "an edge behind {p:?} or {q:?}"
+        );
     }
     let edge = [(world.shapes[0][0], Some(0)), (DVec3::new(90.0, 5.0, 5.0), None)];
-    let found = [false, true].map(|from_before| check.is_missed(&sight, &edge, from_before));
+    let found = [false, true].map(|from_before| check.is_missed(&sight, &edge, from_before, line));
     assert_eq!(found, [false, true], "an edge from a corner of the target to behind it");
 }
 

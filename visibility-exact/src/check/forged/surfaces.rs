@@ -278,3 +278,15 @@ fn lines_of_proofs_with_a_clearance_are_not_moved() {
     let seen = [[0.0; 3], [80.0, 5.0, 0.0]];
     assert_eq!(world.error(seen, vec![surface(&[1], line)]), SURFACE, "a line just below the triangle");
 }
+
+/// With a clearance, a sample line may begin and end a little beside the polygons. Here it crosses a triangle
+/// just below the edge over which all segments pass.
+#[test]
+fn lines_that_cross_a_triangle_over_which_all_segments_pass_are_refused() {
+    let mut world = World::new(TARGET, &[[[44.0, 1.0, -60.0], [44.0, 1.0, 60.0], [44.0, -60.0, 0.0]]]);
+    world.clearance = 1.0 / 128.0;
+    world.cell.min.y = -0.011_525_871_376_765_666;
+    let line =
+        [[8.0, -0.011_525_871_377_788_847, 4.0], [79.992_187_5, 2.011_306_356_213_82, 2.006_987_712_429_687]];
+    assert_eq!(world.error(LINE, vec![surface(&[1], line)]), SURFACE, "a line beside both polygons");
+}
