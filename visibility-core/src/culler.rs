@@ -212,8 +212,8 @@ pub trait Culler {
         false
     }
 
-    /// Returns whether the culler hides objects behind always drawn objects without asking whether these are in
-    /// the set: behind a level, or by sets or cells made beforehand. If another culler of a
+    /// Returns whether the culler hides objects behind always drawn objects without asking whether these are
+    /// in the set: behind a level, or by sets or cells made beforehand. If another culler of a
     /// [`Pipeline`](crate::Pipeline) [follows sizes](Self::follows_sizes), in whatever order, objects are
     /// hidden behind others that are not drawn, and the pipeline reports it as a lack. False by default. A
     /// culler that wraps another must return the answer of the wrapped culler.

@@ -522,8 +522,8 @@ mod tests {
         assert!(wrong_without > 100, "{wrong_without}");
     }
 
-    /// Eyes 1 m behind and before two triangles, or parallel views from either side: the side is known only if
-    /// the error of the eye, or of the direction, is less.
+    /// Eyes 1 m behind and before two triangles, or parallel views from either side: the side is known only
+    /// if the error of the eye, or of the direction, is less.
     #[test]
     fn the_error_of_the_eye_leaves_its_side_unknown() {
         let mut scene = Scene::new();

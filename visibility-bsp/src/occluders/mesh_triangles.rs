@@ -10,7 +10,8 @@ use visibility_core::glam::{Affine3A, DVec3};
 /// Appends the triangles of a mesh, transformed to metres relative to `Scene::origin`, with `source` as their
 /// object. `closed` tells whether the mesh encloses a volume. The triangles of a two-sided mesh also hide for
 /// eyes behind them if the mesh is not closed; if closed, they are turned outwards. Appends nothing if a
-/// position is not finite, or if the transform flattens the mesh. Returns a bound on the error of each coordinate of the corners, in metres.
+/// position is not finite, or if the transform flattens the mesh. Returns a bound on the error of each
+/// coordinate of the corners, in metres.
 pub(crate) fn triangles_of(
     mesh: &OccluderMesh,
     transform: &Affine3A,

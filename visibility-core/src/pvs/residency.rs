@@ -31,8 +31,9 @@ const NOWHERE: u32 = u32::MAX;
 /// An update is given *places*: the box that the eye is in, then boxes that it may be in later, soonest
 /// first. Each box must hold all points at which lines of sight begin, since what is seen from these is
 /// drawn: the eye, and the corners of the near plane. An object is needed at the first place from which it is
-/// not hidden, if a view that is served shows one of its layers. Objects needed sooner are loaded before objects needed later, and among these the one with the
-/// greatest [`importance`] from the place comes first. Equal ones come by [index](ObjectId::index).
+/// not hidden, if a view that is served shows one of its layers. Objects needed sooner are loaded before
+/// objects needed later, and among these the one with the greatest [`importance`] from the place comes first.
+/// Equal ones come by [index](ObjectId::index).
 ///
 /// An object is dropped only for the memory of a more urgent one that is loaded in the same update: first the
 /// objects that are hidden from all places, the least important one first, then those needed last. An object

@@ -198,8 +198,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Returns the number of levels of HLOD descendants below an object: 0 without children, 1 if no child has
-    /// children.
+    /// Returns the number of levels of HLOD descendants below an object: 0 without children, 1 if no child
+    /// has children.
     fn levels_below(&self, id: ObjectId) -> u32 {
         let (mut at, mut level, mut most) = (id.index(), 0, 0);
         loop {

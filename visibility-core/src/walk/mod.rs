@@ -38,8 +38,8 @@ pub enum Child {
 /// above it. An object that is not listed counts as visible. A walk relies on these rules: a hierarchy that
 /// breaks one hides visible objects. [`first_misplaced`] checks the rules.
 ///
-/// A walk goes down at most 128 levels, since each level takes 3 to 4 KB of stack. What is further below stays
-/// visible. Balanced trees have far fewer levels.
+/// A walk goes down at most 128 levels, since each level takes 3 to 4 KB of stack. What is further below
+/// stays visible. Balanced trees have far fewer levels.
 ///
 /// ```
 /// use visibility_core::walk::{BoxHierarchy, Child};

@@ -19,8 +19,8 @@ const HYSTERESIS: f64 = 0.05;
 /// [module](super) defines size and distance. Objects that are never culled stay.
 ///
 /// In a pipeline this culler comes before the stages that hide objects behind others: objects that it removes
-/// are not drawn, so they must not serve as occluders. Stages that hide behind a level, or by sets or cells made
-/// beforehand, do not ask what is left: with a limit in pixels, what is behind many small objects may be
+/// are not drawn, so they must not serve as occluders. Stages that hide behind a level, or by sets or cells
+/// made beforehand, do not ask what is left: with a limit in pixels, what is behind many small objects may be
 /// missing, and [`Pipeline::for_each_lack`](visibility_core::Pipeline::for_each_lack) says so.
 ///
 /// Approximate: objects that it removes may be visible. The greater the pixel limit, the more is removed. It

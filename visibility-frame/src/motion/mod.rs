@@ -148,8 +148,8 @@ fn may_have_volume(scene: &Scene, id: ObjectId) -> bool {
 /// origin puts them until the next frame. Movers that the scene does not contain are removed.
 ///
 /// Give movers draw ranges, HLOD parents and HLOD children between `end_frame` and `begin_frame`, too. If a
-/// mover that has a volume gets a draw range that begins above 0 in the middle of a frame, the volume is tested
-/// against it in that frame, and may hide the mover as too near. In the next frame the mover is due.
+/// mover that has a volume gets a draw range that begins above 0 in the middle of a frame, the volume is
+/// tested against it in that frame, and may hide the mover as too near. In the next frame the mover is due.
 ///
 /// Some movers never get a volume, so they are due in each frame:
 /// - those with a [draw range](Scene::set_draw_range) that begins above 0: a volume could be nearer than

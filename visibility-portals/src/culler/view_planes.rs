@@ -162,14 +162,14 @@ impl PortalView {
         normal: DVec3,
         error: f64,
     ) -> Option<[WindowPlane; 2]> {
-        // A line of sight begins at an eye `e`, no farther from the anchor than `r`, the error of the eye plus
-        // the radius of the ball. The line has the direction `p + d`, where `p` is a point of the polygon
-        // that the corners span, and `d` at most `s`, `error` plus the radius, long. If `s < |p|`, the sine
-        // of the angle between the line and `p` is at most `s / |p|`; that of the angle between `p` and the
-        // plane is `|n . p| / |p|`. The sine of a sum of angles is at most the sum of their sines, so the
-        // line rises by at most `(|n . p| + s) / |p|` of its length. This is at most `slope`, since no corner
-        // is higher than `height`, and no point of the polygon nearer than `nearest`. A point `x` of the line
-        // is at most `|x| + r` from `e`, so `|n . x| <= r + slope (|x| + r)`.
+        // A line of sight begins at an eye `e`, no farther from the anchor than `r`, the error of the eye
+        // plus the radius of the ball. The line has the direction `p + d`, where `p` is a point of the
+        // polygon that the corners span, and `d` at most `s`, `error` plus the radius, long. If `s < |p|`,
+        // the sine of the angle between the line and `p` is at most `s / |p|`; that of the angle between `p`
+        // and the plane is `|n . p| / |p|`. The sine of a sum of angles is at most the sum of their sines, so
+        // the line rises by at most `(|n . p| + s) / |p|` of its length. This is at most `slope`, since no
+        // corner is higher than `height`, and no point of the polygon nearer than `nearest`. A point `x` of
+        // the line is at most `|x| + r` from `e`, so `|n . x| <= r + slope (|x| + r)`.
         // With the unit round-off `u` = 2^-53: `|n . p|` rounds by `3u |p|`, and so does `|n . x|`; the
         // length of the normal is off by `4u`; the slope, if at most a quarter, rounds by less than `2u`.
         let (mut low, mut high, mut height) = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0f64);
