@@ -249,9 +249,9 @@ mod tests {
                 * DVec3::from(projection.rows[2].linear).length();
             let least_w = if is_narrow { 0.0 } else { w * random(0.1, 1.1) };
             if !is_narrow {
-                let most = [w * random(0.0, 0.4), w * random(0.0, 0.4), w * random(0.0, 4e-3)];
+                let most = [w * random(0.0, 0.6), w * random(0.0, 0.6), w * random(0.0, 4e-3)];
                 projection.rows.iter_mut().zip(most).for_each(|(row, error)| row.error = error);
-                projection.near.error = least_near * random(0.0, 0.4);
+                projection.near.error = least_near * random(0.0, 0.6);
             }
             let found = window(&projection, least_near, least_w);
             counts[trial % 2][usize::from(found.is_some())] += 1;
@@ -278,7 +278,7 @@ mod tests {
                 }
             }
         }
-        assert!(counts.iter().flatten().all(|&count| count > 500), "{counts:?} without and with a window");
+        assert!(counts.iter().flatten().all(|&count| count > 100), "{counts:?} without and with a window");
     }
 
     /// Points in the picture move by no more pixels than the bound, in pictures beside the middle of the view
