@@ -130,7 +130,8 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
     let pointers = strip(&mut root);
     unread.pointers = pointers.len();
 
-    // By way of text, and so by code that is compiled in the crate `gltf-json`: much of it, and it takes long.
+    // By way of text, and so by code that is compiled in the crate `gltf-json`: much of it, and it takes
+    // long.
     let mut root = Root::from_str(&root.to_string()).map_err(unreadable)?;
     root.nodes = nodes.read.map_err(unreadable)?;
     let mut is_pointed_at = vec![false; root.nodes.len()];

@@ -68,9 +68,9 @@ impl Check<'_> {
         all && some
     }
 
-    /// Returns whether the ends of the sample line may count as further corners of P and Q: lines from and to
-    /// them pass an edge on a side too. Without a clearance, the margins of [`sides`](Self::sides) hold for all
-    /// that is within an error of positions of P and Q, as both ends are.
+    /// Returns whether the ends of the sample line may count as further corners of P and Q: lines from and
+    /// to them pass an edge on a side too. Without a clearance, the margins of [`sides`](Self::sides) hold
+    /// for all that is within an error of positions of P and Q, as both ends are.
     fn ends_are_on_side(&self, sight: &Sight, [a, b]: [DVec3; 2], line: [DVec3; 2], sign: f64) -> bool {
         let is_flat = |p: DVec3, q: DVec3| {
             let points = [p, q, a, b];
@@ -86,11 +86,11 @@ impl Check<'_> {
                 && sight.q.corners().iter().all(|&q| passes(line[0], q) || is_flat(line[0], q))
     }
 
-    /// Returns whether no segment meets an edge, nor the sample line `line` where that shows by sides: by the
-    /// sides on which segments pass the edge, or by a plane that separates it from both polygons. With `from_before`, only segments that start in front of the target
-    /// polygon's plane count; they do not meet an edge behind the plane, even if its ends are corners of the
-    /// target. By the error of heights, the viewcell polygon may have points behind the plane, and segments
-    /// from there may meet such an edge.
+    /// Returns whether no segment meets an edge, nor the sample line `line` where that shows by sides: by
+    /// the sides on which segments pass the edge, or by a plane that separates it from both polygons. With
+    /// `from_before`, only segments that start in front of the target polygon's plane count; they do not
+    /// meet an edge behind the plane, even if its ends are corners of the target. By the error of heights,
+    /// the viewcell polygon may have points behind the plane, and segments from there may meet such an edge.
     pub(super) fn is_missed(
         &self,
         sight: &Sight,

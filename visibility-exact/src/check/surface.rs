@@ -152,9 +152,9 @@ pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
     }
 }
 
-/// Returns whether a point is in a convex polygon or at most `delta` metres from it. `plane` has the polygon's
-/// plane, with a normal that is right however thin the polygon is. Beyond a sharp corner, a point may be far
-/// from the polygon and near the lines of both sides.
+/// Returns whether a point is in a convex polygon or at most `delta` metres from it. `plane` has the
+/// polygon's plane, with a normal that is right however thin the polygon is. Beyond a sharp corner, a point
+/// may be far from the polygon and near the lines of both sides.
 fn is_in(polygon: &Polygon, plane: &Half, x: DVec3, delta: f64) -> bool {
     let corners = polygon.corners();
     let upwards = polygon.normal().dot(plane.normal).signum();

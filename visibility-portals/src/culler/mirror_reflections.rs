@@ -173,8 +173,8 @@ impl Reflections {
                     self.walk.start_in_window(cells, &eye_view, seen.cell, sides, seen.window.rectangle);
                 }
             }
-            // A walk that reaches the limit of steps hides nothing, and may have missed mirrors. The doors and
-            // objects of cells that are not synced are unknown, so nothing is walked.
+            // A walk that reaches the limit of steps hides nothing, and may have missed mirrors. The doors
+            // and objects of cells that are not synced are unknown, so nothing is walked.
             if is_synced && self.walk.run(cells, &eye_view, settings.0, settings.1, stats) {
                 let seen = WalkedScene { cells, scene, walk: &self.walk, eye_view: &eye_view };
                 let (unknown, frame) = known;

@@ -113,12 +113,12 @@ pub(super) fn hull(points: impl Iterator<Item = DVec3>, normal: DVec3) -> Vec<DV
     hull.into_iter().map(|(_, _, p)| p).collect()
 }
 
-/// Returns the open `pieces` of a `section` between two leaves as convex polygons that cover at least the same
-/// area, up to rounding. Pieces without area are left out. `normal` is the unit normal of all.
+/// Returns the open `pieces` of a `section` between two leaves as convex polygons that cover at least the
+/// same area, up to rounding. Pieces without area are left out. `normal` is the unit normal of all.
 ///
 /// Vertices that should be one are often two, and the edge between them has any direction: to the others, it
-/// makes a polygon that is not convex. Edges of at most `short` world units become a point, in which the edges
-/// beside them meet. The whole section takes the place of a piece that is not convex even so.
+/// makes a polygon that is not convex. Edges of at most `short` world units become a point, in which the
+/// edges beside them meet. The whole section takes the place of a piece that is not convex even so.
 pub(super) fn convex_polygons(
     pieces: Vec<Vec<DVec3>>,
     section: &[DVec3],

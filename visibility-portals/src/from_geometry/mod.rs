@@ -6,12 +6,12 @@
 //!
 //! # Guarantees
 //! Both functions are conservative. What a segment from an eye reaches counts as seen if the segment passes
-//! no polygon, and stays farther than the tolerance from all but those before which it begins or ends, such as
-//! the wall that a picture hangs on, and those to which an end is nearer than a quarter of the tolerance. Only
-//! the area that polygons certainly cover is opaque, and every gap between polygons becomes a portal; gaps
-//! narrower than the tolerance may be closed. Polygons too small to divide space cover nothing, except in
-//! planes that were chosen for other polygons. More and smaller cells therefore make the result tighter, and
-//! fewer cells never make it wrong.
+//! no polygon, and stays farther than the tolerance from all but those before which it begins or ends, such
+//! as the wall that a picture hangs on, and those to which an end is nearer than a quarter of the tolerance.
+//! Only the area that polygons certainly cover is opaque, and every gap between polygons becomes a portal;
+//! gaps narrower than the tolerance may be closed. Polygons too small to divide space cover nothing, except
+//! in planes that were chosen for other polygons. More and smaller cells therefore make the result tighter,
+//! and fewer cells never make it wrong.
 //!
 //! Polygons in nearly the same plane become one plane, so that cells and portals are not quite where polygons
 //! and openings are. [`Subdivision::viewcells`] knows how far they may be misplaced, and all that is made

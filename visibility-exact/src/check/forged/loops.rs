@@ -251,14 +251,14 @@ fn sides_that_underflow_are_unsure() {
     }
 }
 
-/// A sliver of 2e-5 m between two small boxes, and a loop 2e-7 m off its plane: in `f64`, the cross product of
-/// two of its sides is as far off. All segments pass inside the loop and miss the sliver.
+/// A sliver of 2e-5 m between two small boxes, and a loop 2e-7 m off its plane: in `f64`, the cross product
+/// of two of its sides is as far off. All segments pass inside the loop and miss the sliver.
 #[test]
 fn loops_off_the_plane_of_a_sliver_are_refused() {
     let sliver = [
-        [-0.000_351_331_662, -7.345_137_19e-7, -4.398_289_38e-7],
-        [57.239_559_6, -60.817_386_6, -54.998_531_3],
-        [28.619_604_1, -30.408_693_3, -27.499_265_7],
+        [-0.000_351_331_66, -7.345_137e-7, -4.398_289_4e-7],
+        [57.239_56, -60.817_387, -54.998_53],
+        [28.619_604, -30.408_693, -27.499_266],
     ];
     let loop_ = [
         [28.619_031_444_069_112, -30.408_085_160_570_455, -27.498_715_940_896_24],
