@@ -55,7 +55,7 @@ fn line(scene: &str, culler: &str, mut pipeline: Pipeline, world: &World, jobs: 
 }
 
 /// Returns the lines of a scene: a line for each culler with `world.simd`, or that the culler does not suit
-/// the scene, and the lines of the cullers that programs do not know by name. These cull `one_sided`, the same
+/// the scene, and the lines of cullers that programs do not know by name. These cull `one_sided`, the same
 /// scene with one-sided objects.
 fn lines(scene: &str, world: &World, one_sided: &World, jobs: Option<&dyn Jobs>) -> String {
     let mut lines = String::new();
