@@ -5,6 +5,7 @@ use bevy_math::Affine3A;
 use bevy_mesh::{Indices, Mesh, PrimitiveTopology, VertexAttributeValues};
 use std::sync::Arc;
 use visibility_core::OccluderMesh;
+use visibility_core::geometry::keeps_orientation;
 use visibility_core::glam::Vec3;
 
 /// Component that makes an entity occlude the entities behind it, for cameras that cull by occlusion.
@@ -34,10 +35,10 @@ pub enum Occluder {
     Custom(Arc<OccluderMesh>),
 }
 
-/// Returns whether an entity with this transform can occlude: it is finite and does not mirror. Under a
+/// Returns whether an entity with this transform can occlude: it is finite and surely does not mirror. Under a
 /// mirroring transform, bevy draws the faces that look away.
 pub(crate) fn can_occlude(affine: &Affine3A) -> bool {
-    affine.is_finite() && affine.matrix3.determinant() >= 0.0
+    affine.is_finite() && keeps_orientation(affine) == Some(true)
 }
 
 /// Makes an occluder from a mesh. `None` unless the mesh is a triangle list or strip whose positions the main

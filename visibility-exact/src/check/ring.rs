@@ -2,6 +2,7 @@
 
 use super::context::{Check, Corner};
 use super::exact_side::is_before;
+use crate::line_side::U;
 use crate::sight::Sight;
 use crate::triangles::unit_normal;
 use alloc::collections::BTreeMap;
@@ -90,8 +91,20 @@ fn distance(x: DVec3, t: &[DVec3; 3]) -> f64 {
     let beside =
         sides.into_iter().fold(f64::INFINITY, |least, side| least.min(distance_from_segment(x, side)));
     let Some(normal) = unit_normal(t) else { return beside };
-    let is_inside = |[a, b]: [DVec3; 2]| normal.cross(b - a).dot(x - a) >= 0.0;
-    if sides.into_iter().all(is_inside) { beside.min(normal.dot(x - t[0]).abs()) } else { beside }
+    if sides.into_iter().all(|side| is_inside(normal, side, x)) {
+        beside.min(normal.dot(x - t[0]).abs())
+    } else {
+        beside
+    }
+}
+
+/// Returns whether a point is certainly on the inner side of a side of a polygon with this unit normal.
+///
+/// Rounding takes less than 32 units U of the lengths multiplied. Beyond a sharp corner, the exact value may be
+/// less than that below 0 for both sides, far from the polygon. Points of the polygon that are nearer to a side
+/// than that are within an error of positions of the side.
+pub(super) fn is_inside(normal: DVec3, [a, b]: [DVec3; 2], x: DVec3) -> bool {
+    normal.cross(b - a).dot(x - a) > 32.0 * U * (b - a).length() * (x - a).length()
 }
 
 /// Returns the distance of a point from a segment, NaN for a segment without length.

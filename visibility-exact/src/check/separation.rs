@@ -26,12 +26,13 @@ impl Check<'_> {
         let is_near = |x: DVec3| self.is_near_plane_of_q(sight, x);
         let is_near_edge = is_near(a) && is_near(b);
         let moved = self.moved(sight);
-        let ends = tag_a.map_or(0, |k| 1u8 << k) | tag_b.map_or(0, |k| 1 << k);
+        let ends = tagged(tag_a) | tagged(tag_b);
         sight.p.corners().iter().flat_map(move |&p| {
             sight.q.corners().iter().zip(&sight.q.zero).map(move |(&q, &zero)| {
-                let support = 0b111 ^ zero;
-                let is_mixture = support & !ends == 0;
-                if is_mixture || is_flat(sight, [p, q, a, b]) || (is_near_edge && is_near(p) && is_near(q)) {
+                if is_mixture(zero, ends)
+                    || is_flat(sight, [p, q, a, b])
+                    || (is_near_edge && is_near(p) && is_near(q))
+                {
                     (0.0, 0.0)
                 } else {
                     side(p, q, a, b, moved)
@@ -68,10 +69,14 @@ impl Check<'_> {
         all && some
     }
 
-    /// Returns whether the ends of the sample line may count as further corners of P and Q: lines from and
-    /// to them pass an edge on a side too. Without a clearance, the margins of [`sides`](Self::sides) hold
-    /// for all that is within an error of positions of P and Q, as both ends are.
-    fn ends_are_on_side(&self, sight: &Sight, [a, b]: [DVec3; 2], line: [DVec3; 2], sign: f64) -> bool {
+    /// Returns whether the ends of the sample line may count as further corners of P and Q: lines from and to
+    /// them pass an edge on a side too. Both ends are only within an error of positions of P and Q. Sides may
+    /// be 0 for lines to mixtures of the edge's ends and for four points in a plane, as in
+    /// [`sides`](Self::sides), but not for the sample line itself: then no line on the way from it to a segment
+    /// meets the edge.
+    fn ends_are_on_side(&self, sight: &Sight, edge: &[Corner; 2], line: [DVec3; 2], sign: f64) -> bool {
+        let [(a, tag_a), (b, tag_b)] = *edge;
+        let ends = tagged(tag_a) | tagged(tag_b);
         let is_flat = |p: DVec3, q: DVec3| {
             let points = [p, q, a, b];
             is_flat(sight, points) || points.into_iter().all(|x| self.is_near_plane_of_q(sight, x))
@@ -80,10 +85,10 @@ impl Check<'_> {
             let (value, error) = quick_side(p, q, a, b, 0.0);
             value * sign > error
         };
-        self.clearance == 0.0
-            || passes(line[0], line[1])
-                && sight.p.corners().iter().all(|&p| passes(p, line[1]) || is_flat(p, line[1]))
-                && sight.q.corners().iter().all(|&q| passes(line[0], q) || is_flat(line[0], q))
+        let mut targets = sight.q.corners().iter().zip(&sight.q.zero);
+        passes(line[0], line[1])
+            && sight.p.corners().iter().all(|&p| passes(p, line[1]) || is_flat(p, line[1]))
+            && targets.all(|(&q, &zero)| passes(line[0], q) || is_mixture(zero, ends) || is_flat(line[0], q))
     }
 
     /// Returns whether no segment meets an edge, nor the sample line `line` where that shows by sides: by
@@ -100,7 +105,7 @@ impl Check<'_> {
     ) -> bool {
         let ends = [edge[0].0, edge[1].0];
         let is_passed =
-            |sign| self.is_on_side(sight, edge, sign) && self.ends_are_on_side(sight, ends, line, sign);
+            |sign| self.is_on_side(sight, edge, sign) && self.ends_are_on_side(sight, edge, line, sign);
         let behind = |(x, tag): Corner| tag.is_some() || sight.before_q.height(x) < -3.0 * self.delta;
         is_passed(1.0)
             || is_passed(-1.0)
@@ -172,4 +177,15 @@ fn is_flat(sight: &Sight, [p, q, a, b]: [DVec3; 4]) -> bool {
     [&sight.before_p, &sight.before_q]
         .into_iter()
         .any(|plane| plane.axis().is_some_and(|k| a[k] == p[k] && b[k] == p[k] && q[k] == p[k]))
+}
+
+/// Returns the set of corners of the target triangle, as bits, to which a point with this tag belongs.
+fn tagged(tag: Option<usize>) -> u8 {
+    tag.map_or(0, |k| 1 << k)
+}
+
+/// Returns whether a corner of the target polygon is a mean of the target's corners `ends`. `zero` has the
+/// corners that have no weight in it.
+fn is_mixture(zero: u8, ends: u8) -> bool {
+    0b111 & !zero & !ends == 0
 }

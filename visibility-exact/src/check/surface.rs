@@ -2,7 +2,7 @@
 
 use super::context::Check;
 use super::exact_side::{cross, difference, is_before, norm, quick_side};
-use super::ring::distance_from_segment;
+use super::ring::{distance_from_segment, is_inside};
 use crate::half::Half;
 use crate::polygon::Polygon;
 use crate::sight::Sight;
@@ -157,9 +157,9 @@ pub(super) fn crosses([p, q]: [DVec3; 2], t: &[DVec3; 3]) -> Option<bool> {
 /// may be far from the polygon and near the lines of both sides.
 fn is_in(polygon: &Polygon, plane: &Half, x: DVec3, delta: f64) -> bool {
     let corners = polygon.corners();
-    let upwards = polygon.normal().dot(plane.normal).signum();
+    let normal = plane.normal * polygon.normal().dot(plane.normal).signum();
     let sides = || (0..corners.len()).map(|k| [corners[k], corners[(k + 1) % corners.len()]]);
-    let is_inside = |[a, b]: [DVec3; 2]| upwards * plane.normal.cross(b - a).dot(x - a) >= 0.0;
-    plane.normal.dot(x - corners[0]).abs() <= delta
-        && (sides().all(is_inside) || sides().any(|side| distance_from_segment(x, side) <= delta))
+    normal.dot(x - corners[0]).abs() <= delta
+        && (sides().all(|side| is_inside(normal, side, x))
+            || sides().any(|side| distance_from_segment(x, side) <= delta))
 }

@@ -125,11 +125,15 @@ pub(super) fn convex_polygons(
     normal: DVec3,
     short: f64,
 ) -> impl Iterator<Item = ConvexPolygon> {
-    pieces.into_iter().filter_map(move |mut piece| {
-        drop_short_edges(&mut piece, normal, short);
-        match ConvexPolygon::new(piece) {
+    pieces.into_iter().filter_map(move |piece| {
+        let mut mended = piece.clone();
+        drop_short_edges(&mut mended, normal, short);
+        match ConvexPolygon::new(mended) {
             Ok(polygon) => Some(polygon),
-            Err(PolygonError::NoPlane | PolygonError::TooFewVertices { .. }) => None,
+            // Not much larger than its short edges, or without area.
+            Err(PolygonError::NoPlane | PolygonError::TooFewVertices { .. }) => {
+                ConvexPolygon::new(piece).ok()
+            }
             Err(_) => {
                 let mut section = section.to_vec();
                 drop_short_edges(&mut section, normal, short);

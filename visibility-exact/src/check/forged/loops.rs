@@ -276,3 +276,31 @@ fn loops_off_the_plane_of_a_sliver_are_refused() {
     let proof = Proof { cell: CellBox { min, max }, target, clearance: 0.0, steps: vec![step; 9] };
     assert_eq!(proof.check(&world.triangles), Err(ProofError::Loop), "a loop off its occluder");
 }
+
+/// A sliver so sharp that rounding lets points 1 m beyond its tip count as on the inner side of all sides. A
+/// loop there is around no occluder.
+#[test]
+fn loops_beyond_the_tip_of_a_sliver_are_refused() {
+    let sliver = [
+        [40.0, 0.0, 0.0],
+        [40.0, 50.574_085_235_595_7, 26.524_127_960_205_078],
+        [40.0, 44.116_851_806_640_625, 23.137_561_798_095_703],
+    ];
+    let world = World { clearance: 1e-4, ..World::new(sliver.map(|x| x.map(|x: f64| x as f32)), &[]) };
+    let beyond = [
+        [-1.124_245_622_803_942_4, -0.589_622_820_047_848_9],
+        [-0.702_237_610_137_606_7, -0.368_296_137_102_421_1],
+    ];
+    let at = |x: f64, [y, z]: [f64; 2]| DVec3::new(40.0 + x, y, z);
+    let [a, b] = beyond;
+    let corners = [at(-2.9e-4, a), at(-2.9e-4, b), at(2.9e-4, b), at(2.9e-4, a)];
+    let around = |y: f64, z: f64| [-1e-9, 1e-9].map(|by| DVec3::new(40.0, y, z) + DVec3::splat(by));
+    let [min, max] = around(0.480_137_061_2, -3.135_742_469_4);
+    let [from, to] = around(-2.306_620_294_2, 2.177_823_512_3);
+    let line = [(min + max) / 2.0, (from + to) / 2.0].map(|x| x.to_array());
+    let step = ring(world.piece(0), &corners, line, &[const { LoopEdge::Inside }; 4]);
+    let target = Target::Box { min: from, max: to };
+    let cell = CellBox { min, max };
+    let proof = Proof { cell, target, clearance: world.clearance, steps: vec![step; 4] };
+    assert_eq!(proof.check(&world.triangles), Err(ProofError::Loop), "a loop off its occluder");
+}

@@ -290,3 +290,30 @@ fn lines_that_cross_a_triangle_over_which_all_segments_pass_are_refused() {
         [[8.0, -0.011_525_871_377_788_847, 4.0], [79.992_187_5, 2.011_306_356_213_82, 2.006_987_712_429_687]];
     assert_eq!(world.error(LINE, vec![surface(&[1], line)]), SURFACE, "a line beside both polygons");
 }
+
+/// A triangle that has a corner of the target and is beside it, so that all segments miss it. A line that ends
+/// just beside the target, near that corner, crosses it.
+#[test]
+fn lines_that_end_beside_a_corner_of_the_target_are_refused() {
+    let target = [[80.0, 0.0, 0.0], [80.0, 8.0, 0.125], [80.0, 8.0, 4.0]];
+    let mut world = World::new(target, &[[target[0], [40.0, 100.0, 0.0], [40.0, 100.0, -50.0]]]);
+    world.cell = CellBox { min: DVec3::new(-8.0, 0.0, 0.0), max: DVec3::new(0.0, 8.0, 8.0) };
+    let line = [[0.0; 3], [80.0, 4.263_256_414_560_601e-11, -6.128_431_095_930_864e-13]];
+    world.refuses_surface(1, line, [[0.0, 4.0, 4.0], [80.0, 6.0, 1.0]], "an end beside the target");
+}
+
+/// A target with a tip so sharp that rounding lets a point far beyond it count as on the inner side of both
+/// sides.
+#[test]
+fn lines_that_end_beyond_a_tip_by_rounding_are_refused() {
+    let target = [
+        [80.0, 0.0, 0.0],
+        [80.0, 3.580_784_797_668_457, 3.374_252_796_173_095_7],
+        [80.0, 4.179_080_009_460_449, 3.938_039_779_663_086],
+    ];
+    let target = target.map(|corner| corner.map(|x: f64| x as f32));
+    let mut world = World::new(target, &[[[40.0, -6e-9, -10.0], [40.0, -6e-9, 10.0], [40.0, -100.0, 0.0]]]);
+    world.cell = CellBox { min: DVec3::new(-8.0, 0.0, -4.0), max: DVec3::new(0.0, 8.0, 4.0) };
+    let line = [[0.0; 3], [80.0, -2.384_406_644_288_528e-8, -2.246_879_154_619_514_8e-8]];
+    world.refuses_surface(1, line, [[0.0; 3], [80.0, 0.0, 0.0]], "an end beyond a tip");
+}
