@@ -161,5 +161,7 @@ fn is_in(polygon: &Polygon, plane: &Half, x: DVec3, delta: f64) -> bool {
     let sides = || (0..corners.len()).map(|k| [corners[k], corners[(k + 1) % corners.len()]]);
     normal.dot(x - corners[0]).abs() <= delta
         && (sides().all(|side| is_inside(normal, side, x))
-            || sides().any(|side| distance_from_segment(x, side) <= delta))
+            || sides().any(|side| distance_from_segment(x, side) <= delta)
+            // A viewcell may be a point, and so may a side.
+            || corners.iter().any(|corner| x.distance(*corner) <= delta))
 }
