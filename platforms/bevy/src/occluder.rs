@@ -35,8 +35,8 @@ pub enum Occluder {
     Custom(Arc<OccluderMesh>),
 }
 
-/// Returns whether an entity with this transform can occlude: it is finite and surely does not mirror. Under a
-/// mirroring transform, bevy draws the faces that look away.
+/// Returns whether an entity with this transform can occlude: it is finite and surely does not mirror. Under
+/// a mirroring transform, bevy draws the faces that look away.
 pub(crate) fn can_occlude(affine: &Affine3A) -> bool {
     affine.is_finite() && keeps_orientation(affine) == Some(true)
 }

@@ -100,9 +100,9 @@ fn distance(x: DVec3, t: &[DVec3; 3]) -> f64 {
 
 /// Returns whether a point is certainly on the inner side of a side of a polygon with this unit normal.
 ///
-/// Rounding takes less than 32 units U of the lengths multiplied. Beyond a sharp corner, the exact value may be
-/// less than that below 0 for both sides, far from the polygon. Points of the polygon that are nearer to a side
-/// than that are within an error of positions of the side.
+/// Rounding takes less than 32 units U of the lengths multiplied. Beyond a sharp corner, the exact value may
+/// be less than that below 0 for both sides, far from the polygon. Points of the polygon that are nearer to
+/// a side than that are within an error of positions of the side.
 pub(super) fn is_inside(normal: DVec3, [a, b]: [DVec3; 2], x: DVec3) -> bool {
     normal.cross(b - a).dot(x - a) > 32.0 * U * (b - a).length() * (x - a).length()
 }

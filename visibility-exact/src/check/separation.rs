@@ -72,8 +72,8 @@ impl Check<'_> {
     /// Returns whether the ends of the sample line may count as further corners of P and Q: lines from and to
     /// them pass an edge on a side too. Both ends are only within an error of positions of P and Q. Sides may
     /// be 0 for lines to mixtures of the edge's ends and for four points in a plane, as in
-    /// [`sides`](Self::sides), but not for the sample line itself: then no line on the way from it to a segment
-    /// meets the edge.
+    /// [`sides`](Self::sides), but not for the sample line itself: then no line on the way from it to a
+    /// segment meets the edge.
     fn ends_are_on_side(&self, sight: &Sight, edge: &[Corner; 2], line: [DVec3; 2], sign: f64) -> bool {
         let [(a, tag_a), (b, tag_b)] = *edge;
         let ends = tagged(tag_a) | tagged(tag_b);

@@ -291,8 +291,8 @@ fn lines_that_cross_a_triangle_over_which_all_segments_pass_are_refused() {
     assert_eq!(world.error(LINE, vec![surface(&[1], line)]), SURFACE, "a line beside both polygons");
 }
 
-/// A triangle that has a corner of the target and is beside it, so that all segments miss it. A line that ends
-/// just beside the target, near that corner, crosses it.
+/// A triangle that has a corner of the target and is beside it, so that all segments miss it. A line that
+/// ends just beside the target, near that corner, crosses it.
 #[test]
 fn lines_that_end_beside_a_corner_of_the_target_are_refused() {
     let target = [[80.0, 0.0, 0.0], [80.0, 8.0, 0.125], [80.0, 8.0, 4.0]];
