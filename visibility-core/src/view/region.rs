@@ -137,7 +137,8 @@ impl Camera {
         // Straightened, the upper and lower side are off by the skew times the tangent aside. That must stay
         // within half of [`SLACK`], also for a wide and low window.
         let aside = window.left.abs().max(window.right.abs());
-        if !(skew * aside < 0.5 * SLACK * (window.top - window.bottom)) {
+        let is_within = skew * aside < 0.5 * SLACK * (window.top - window.bottom);
+        if !is_within {
             return None;
         }
         // Distance from the eye of a plane across the view direction; `None` for any other plane.
