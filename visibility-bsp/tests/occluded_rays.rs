@@ -42,19 +42,21 @@ impl Judge {
             let inside = |p: DVec3| {
                 planes.as_slice().iter().map(|q| q.plane.signed_distance(p)).fold(f64::INFINITY, f64::min)
             };
-            if inside(p) < 1e-9 * p.length() {
+            // Not 0 for a point at the origin either.
+            let far = p.length() + f64::from((bounds.max - bounds.min).length());
+            if inside(p) < 1e-9 * far {
                 continue;
             }
             self.rays += 1;
             let from = match view.eye(soup.scene.origin()) {
                 Eye::Point(eye) => eye,
-                Eye::Direction(along) => p - along * 200.0 * p.length(),
+                Eye::Direction(along) => p - along * 200.0 * far,
             };
             let near = planes.as_slice()[4].plane;
             let blocked = soup.solid.iter().any(|t| {
                 meets(from, p, t).is_some_and(|t| {
                     (0.0..=1.0 + 1e-9).contains(&t)
-                        && near.signed_distance(from + (p - from) * t) >= -1e-9 * p.length()
+                        && near.signed_distance(from + (p - from) * t) >= -1e-9 * far
                 })
             });
             assert!(blocked, "{what}: {p} of {bounds:?} is seen from {from} in {view:?}");
