@@ -218,14 +218,19 @@ impl Camera {
 
     /// Returns whether rounding leaves certain what an ordinary view is. Planes of an eye's view are off by
     /// some units of rounding of the eye's coordinates. Where they meet, that is divided by the volume that
-    /// the unit normals span, and it must stay below the distance of the near plane.
+    /// the unit normals span, and it must stay below the distance of the near plane; in a parallel view, whose
+    /// near plane meets the sides, below the extent of the picture.
     fn is_sure(&self) -> bool {
         let length = |a: Whole| to_f64(a).length();
-        let [x, y, w] = [self.x, self.y, self.w].map(|row| row.normal);
-        let sides = (length(x) + length(w)) * (length(y) + length(w)) * length(w);
-        let volume = dot(x, cross(y, w)) as f64 / sides;
-        let near = self.near.constant as f64 / length(self.near.normal);
-        self.is_parallel() || (volume * near).abs() > 1e-11 * length(self.eye)
+        let [x, y, w, near] = [self.x, self.y, self.w, self.near].map(|row| row.normal);
+        let (spanned, extent) = if self.is_parallel() {
+            let sides = length(x) * length(y) * length(near);
+            (dot(near, cross(x, y)) as f64 / sides, 1.0 / length(x).max(length(y)))
+        } else {
+            let sides = (length(x) + length(w)) * (length(y) + length(w)) * length(w);
+            (dot(x, cross(y, w)) as f64 / sides, self.near.constant as f64 / length(near))
+        };
+        (spanned * extent).abs() > 1e-11 * length(self.eye)
     }
 
     /// Returns whether the view is ordinary: no clip planes, and all four edges of the view meet the near
