@@ -218,8 +218,8 @@ impl Camera {
 
     /// Returns whether rounding leaves certain what an ordinary view is. Planes of an eye's view are off by
     /// some units of rounding of the eye's coordinates. Where they meet, that is divided by the volume that
-    /// the unit normals span, and it must stay below the distance of the near plane; in a parallel view, whose
-    /// near plane meets the sides, below the extent of the picture.
+    /// the unit normals span, and it must stay below the distance of the near plane; in a parallel view,
+    /// whose near plane meets the sides, below the extent of the picture.
     fn is_sure(&self) -> bool {
         let length = |a: Whole| to_f64(a).length();
         let [x, y, w, near] = [self.x, self.y, self.w, self.near].map(|row| row.normal);
