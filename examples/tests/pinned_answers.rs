@@ -1,6 +1,6 @@
 //! Test that the answers of every culler at each setting on every built-in scene equal a stored table, with
-//! each instruction set of the processor and on 1 to 8 threads: neither these nor refactoring may change an
-//! answer. `PINNED_ANSWERS=write cargo test -p visibility-examples pinned_answers` rewrites the table.
+//! each instruction set of the processor and on 1, 3 and 8 threads: neither these nor refactoring may change
+//! an answer. `PINNED_ANSWERS=write cargo test -p visibility-examples pinned_answers` rewrites the table.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -82,7 +82,7 @@ fn lines(scene: &str, world: &World, one_sided: &World, jobs: Option<&dyn Jobs>)
 #[test]
 fn every_culler_answers_as_in_the_table() {
     let alone = Simd::available().map(|simd| (simd, None));
-    let ways: Vec<_> = alone.chain((1..=8).map(|threads| (Simd::best(), Some(Threads(threads))))).collect();
+    let ways: Vec<_> = alone.chain([1, 3, 8].map(|threads| (Simd::best(), Some(Threads(threads))))).collect();
     let mut tables = vec![String::new(); ways.len()];
     for name in SCENES {
         let world = || {
