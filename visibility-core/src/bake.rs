@@ -306,8 +306,10 @@ fn work_on_all<B: Baker>(
 ) -> Vec<Option<B::Found>> {
     let mut scratch = B::Scratch::default();
     let mut work = |&item| {
-        let begins = !(stop() || pause());
-        begins.then(|| span.item(item, || baker.work(item, &mut scratch, stop))).flatten()
+        if stop() || pause() {
+            return None;
+        }
+        span.item(item, || baker.work(item, &mut scratch, stop))
     };
     round.iter().map(&mut work).collect()
 }

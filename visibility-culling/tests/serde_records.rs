@@ -114,7 +114,10 @@ fn settings_are_read_as_written() {
 fn text_has_the_names_of_the_fields() {
     let object = Object::new(Aabb::from_arrays([0.0; 3], [1.0, 2.0, 3.0]));
     let written = serde_json::to_string(&object).expect("an object is written");
-    let expected = r#"{"bounds":{"min":[0.0,0.0,0.0],"max":[1.0,2.0,3.0]},"layers":4294967295,"cost":1,"never_cull":false,"occluder":false,"see_through":false,"one_sided":false}"#;
+    let expected = concat!(
+        r#"{"bounds":{"min":[0.0,0.0,0.0],"max":[1.0,2.0,3.0]},"layers":4294967295,"cost":1,"#,
+        r#""never_cull":false,"occluder":false,"see_through":false,"one_sided":false}"#
+    );
     assert_eq!(written, expected, "the text of an object");
     let ids = (CellId(3), ObjectId::PLACEHOLDER, Depth::Reversed, DrawRange::ALWAYS);
     let written = serde_json::to_string(&ids).expect("ids are written");

@@ -224,7 +224,7 @@ mod tests {
             let at = |column: usize, row: usize| &pixels[4 * (7 * row + column)..][..4];
             let [r, g, b] = color;
             assert_eq!(at(6, 0), [r, g, b, 255], "the right picture");
-            // What is below it never changes, and is written once.
+            // The ground below the right picture never changes, and is written once.
             let below = if color == colors[0] { [9, 9, 9, 255] } else { [0; 4] };
             assert_eq!(at(6, 1), below, "what is below the right picture");
         }

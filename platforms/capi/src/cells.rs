@@ -194,7 +194,8 @@ pub unsafe extern "C" fn vis_cells_create_of_scene(
         let count = unsafe { optional_out(cell_count, "cell_count") }?;
         let scene = &scene.read()?.scene;
         let (mut polygons, mut one_sided) = (Vec::new(), Vec::new());
-        // What is not drawn in every frame is no wall: cells are for many frames, and never ask the set.
+        // An occluder that some frames do not draw is no wall: cells are for many frames, and never ask which
+        // objects are drawn.
         let walls = scene.ids().filter_map(|id| {
             let (object, occluder) = level_object(scene, id)?;
             occluder.filter(|_| object.layers != 0)

@@ -192,6 +192,11 @@ impl ScenePvs {
         self
     }
 
+    /// Returns whether a view of some layers draws all objects that hide others by the PVS.
+    fn is_drawn_whole(&self, view: u32) -> bool {
+        self.occluder_layers.iter().all(|layers| layers & view != 0)
+    }
+
     /// Returns whether an object hides others by the PVS, and is as it was when the PVS was prepared.
     fn is_unchanged_occluder(&self, scene: &Scene, id: ObjectId) -> bool {
         let states = &self.occluder_states;
@@ -533,8 +538,7 @@ impl<S: Borrow<ScenePvs>> PvsCuller<S> {
         self.entering.sort_unstable();
         self.entering.dedup();
         self.is_outside = known && !covered;
-        let layers = &self.shared.borrow().occluder_layers;
-        self.is_without_occluders = layers.iter().any(|layers| layers & view.layers() == 0);
+        self.is_without_occluders = !self.shared.borrow().is_drawn_whole(view.layers());
         // Every object stays if a line of sight starts outside all viewcells, if the scene has changed too
         // often, or if an occluder of the PVS has changed or is not shown.
         let idle = !known || !covered || self.lost || self.is_without_occluders;
@@ -650,9 +654,8 @@ impl<S: Borrow<ScenePvs>> HiddenSets for PvsCuller<S> {
         self.follow(scene);
         let shared = self.shared.borrow();
         let is_usable = min.cmple(max).all() && min.is_finite() && max.is_finite();
-        // The mask of an occluder that may be absent is 0, which no view draws.
-        let is_drawn = |occluder: &u32| *occluder != 0 && layers.iter().all(|view| occluder & view != 0);
-        if !is_usable || self.lost || !shared.occluder_layers.iter().all(is_drawn) {
+        let is_drawn = [u32::MAX].iter().chain(layers).all(|&view| shared.is_drawn_whole(view));
+        if !is_usable || self.lost || !is_drawn {
             return false;
         }
         self.entering.clear();

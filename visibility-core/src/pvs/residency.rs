@@ -228,10 +228,11 @@ impl Residency {
             if !is_known && place > 0 {
                 continue;
             }
-            for (id, object) in scene.ids().filter_map(|id| Some((id, scene.object(id).ok()?))) {
+            for id in scene.ids() {
                 let needed = &mut self.needed[id.index()];
+                let Some(object) = scene.object(id).ok().filter(|_| *needed == NOWHERE) else { continue };
                 let is_hidden = is_known && self.hidden.contains(id.index()) && !object.is_unculled();
-                if *needed == NOWHERE && !is_hidden && object.layers & shown != 0 {
+                if !is_hidden && object.layers & shown != 0 {
                     *needed = place;
                 }
             }

@@ -171,11 +171,11 @@ impl Scene {
             above = self.hlod_parent(object)?;
             count += 1;
         }
-        if count > 0 && count + self.levels_below(id) > MAX_PARENTS {
-            return Err(SceneError::TooManyParents(id));
-        }
         if parent == self.hlod_parent(id)? {
             return Ok(());
+        }
+        if count > 0 && count + self.levels_below(id) > MAX_PARENTS {
+            return Err(SceneError::TooManyParents(id));
         }
         self.grow_details();
         let former = self.hlod_parent(id)?;

@@ -77,7 +77,7 @@ impl Check<'_> {
     fn ends_are_on_side(&self, sight: &Sight, edge: &[Corner; 2], line: [DVec3; 2], sign: f64) -> bool {
         let [(a, tag_a), (b, tag_b)] = *edge;
         let ends = tagged(tag_a) | tagged(tag_b);
-        let is_flat = |p: DVec3, q: DVec3| {
+        let is_in_plane = |p: DVec3, q: DVec3| {
             let points = [p, q, a, b];
             is_flat(sight, points) || points.into_iter().all(|x| self.is_near_plane_of_q(sight, x))
         };
@@ -87,8 +87,9 @@ impl Check<'_> {
         };
         let mut targets = sight.q.corners().iter().zip(&sight.q.zero);
         passes(line[0], line[1])
-            && sight.p.corners().iter().all(|&p| passes(p, line[1]) || is_flat(p, line[1]))
-            && targets.all(|(&q, &zero)| passes(line[0], q) || is_mixture(zero, ends) || is_flat(line[0], q))
+            && sight.p.corners().iter().all(|&p| passes(p, line[1]) || is_in_plane(p, line[1]))
+            && targets
+                .all(|(&q, &zero)| passes(line[0], q) || is_mixture(zero, ends) || is_in_plane(line[0], q))
     }
 
     /// Returns whether no segment meets an edge, nor the sample line `line` where that shows by sides: by

@@ -36,6 +36,9 @@
 //! | `is_on_piece`: `tags_hold` | `corners_that_are_not_the_targets_are_refused` |
 //! | `sides`: exact zeros | `mixtures_of_other_corners_are_not_on_an_edge`, and `edges_in_the_plane_of_a_face_divide_the_lines_that_start_around_them`, `edges_near_the_plane_of_a_face_are_in_it` in `tests` |
 //! | `is_in`: corners; the lift of the line's end | `lines_that_end_beyond_a_sharp_corner_are_refused`, `lines_of_proofs_with_a_clearance_are_not_moved` |
+//! | `is_inside`: rounding beyond a tip, in `is_in` and `distance` | `lines_that_end_beyond_a_tip_by_rounding_are_refused`, `loops_beyond_the_tip_of_a_sliver_are_refused` |
+//! | `distance`: normal of a sliver | `loops_off_the_plane_of_a_sliver_are_refused` |
+//! | `ends_are_on_side`: with a clearance, and without | `lines_that_cross_a_triangle_over_which_all_segments_pass_are_refused`, `lines_that_end_beside_a_corner_of_the_target_are_refused` |
 //! | `side`: underflow | `sides_that_underflow_are_unsure` |
 //! | `is_on_side`, `separates`: margins | `edges_within_the_error_of_positions_are_not_passed`, and `what_touches_by_less_than_the_error_is_not_apart` in `tests` |
 //! | `excludes`: weights, sums, rounding | `edges_that_lines_pass_outside_are_refused`, `weights_that_cancel_are_refused` |
