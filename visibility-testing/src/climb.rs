@@ -15,12 +15,18 @@ pub trait ClimbInput: Clone {
     /// Returns by how much the input is hidden, as the oracle says: any measure that falls towards the
     /// border. At most 0 if and only if the input is certainly seen. `None` if the input is no valid one.
     fn clearance(&self) -> Option<f64>;
+
+    /// Returns the input without one of its parts, such as a triangle. `None` from the last part on.
+    fn without(&self, _part: usize) -> Option<Self> {
+        None
+    }
 }
 
 /// A finished climb.
 #[derive(Clone, Debug)]
 pub struct Climb<I> {
-    /// The hidden input with the least clearance, or a hidden input that is seen.
+    /// The hidden input with the least clearance, or a hidden input that is seen: of as few parts, and numbers
+    /// of as few digits, as the culler is wrong about.
     pub input: I,
     /// Clearance of `input`. At most 0 if the culler is wrong.
     pub least: f64,
@@ -76,7 +82,44 @@ pub fn climb<I: ClimbInput>(
             }
         }
     }
+    if best.least <= 0.0 {
+        best.input = simplified(best.input, |input| {
+            best.judged += 1;
+            input.clearance().is_some_and(|clearance| clearance <= 0.0) && is_hidden(input)
+        });
+        best.least = best.input.clearance()?;
+    }
     Some(best)
+}
+
+/// Leaves out parts of an input and makes its numbers rounder, as long as it `fails`.
+fn simplified<I: ClimbInput>(mut input: I, mut fails: impl FnMut(&I) -> bool) -> I {
+    loop {
+        let mut is_simpler = false;
+        let mut part = 0;
+        while let Some(less) = input.without(part) {
+            if fails(&less) {
+                (input, is_simpler) = (less, true);
+            } else {
+                part += 1;
+            }
+        }
+        for at in 0..input.numbers().len() {
+            let number = input.numbers()[at];
+            let rounder = (0..19).rev().map(|digits| number - number % 10i64.pow(digits));
+            for rounder in rounder.take_while(|&rounder| rounder != number) {
+                let mut other = input.clone();
+                other.numbers()[at] = rounder;
+                if fails(&other) {
+                    (input, is_simpler) = (other, true);
+                    break;
+                }
+            }
+        }
+        if !is_simpler {
+            return input;
+        }
+    }
 }
 
 #[cfg(test)]
@@ -104,5 +147,35 @@ mod tests {
         assert_eq!(climb(300).map(|end| end.least), Some(701.0), "a margin of 700 keeps its distance");
         assert_eq!(climb(1001).map(|end| end.least), Some(0.0), "1000 is hidden, and seen");
         assert!(climb(-80_000).is_none(), "an input that is shown is no start");
+    }
+
+    /// Heights of slabs, of which those from 700 on are seen, and an eye.
+    #[derive(Clone, PartialEq, Debug)]
+    struct Slabs(Vec<i64>);
+
+    impl ClimbInput for Slabs {
+        fn numbers(&mut self) -> &mut [i64] {
+            &mut self.0
+        }
+
+        fn clearance(&self) -> Option<f64> {
+            self.0.iter().map(|height| (700 - height) as f64).min_by(f64::total_cmp)
+        }
+
+        fn without(&self, part: usize) -> Option<Self> {
+            let mut less = self.clone();
+            (part < self.0.len()).then(|| less.0.remove(part))?;
+            Some(less)
+        }
+    }
+
+    #[test]
+    fn what_a_climb_finds_is_made_as_simple_as_it_stays_wrong() {
+        let start = Slabs(vec![-123_456, 3, 98_765]);
+        let end = climb(start.clone(), &mut Random(1), 100, |_| true).expect("hidden");
+        assert_eq!(end.input, Slabs(vec![90_000]), "the slab that is seen, by its first digit");
+        assert!(end.least <= 0.0);
+        let end = climb(start, &mut Random(1), 100, |slabs| slabs.0.contains(&3)).expect("hidden");
+        assert_eq!(end.input, Slabs(vec![3, 90_000]), "without the 3 the culler is right");
     }
 }

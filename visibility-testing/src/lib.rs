@@ -35,7 +35,7 @@ pub use not_always_drawn::NOT_ALWAYS_DRAWN;
 pub use octree::Octree;
 pub use plain_map::PlainMap;
 pub use random::Random;
-pub use sight_world::SightWorld;
+pub use sight_world::{Camera, SightWorld};
 pub use slabs::is_clear;
 pub use slots::{SlotScene, SlotSearch};
 pub use steps::{step, steps_of};

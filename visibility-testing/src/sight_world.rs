@@ -7,6 +7,7 @@
 use crate::climb::ClimbInput;
 use crate::slots::{Point, orientation};
 use crate::{Random, cameras::power_of_two};
+use std::fmt;
 use visibility_core::glam::{Affine3A, DMat4, DVec3, DVec4, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene, View, view::Depth};
@@ -17,32 +18,47 @@ const FARTHEST: i64 = 1 << 24;
 /// A camera whose matrix is exact: clip `x`, `y` and `w` are the rows times the difference of a point and the
 /// eye. The near plane is at `w = near`, there is no far plane.
 #[derive(Clone, Debug)]
-struct Camera {
-    rows: [Point; 3],
-    near: i64,
+pub struct Camera {
+    /// Clip `x`, `y` and `w` for one unit along each axis.
+    pub rows: [Point; 3],
+    /// Clip `w` of the near plane.
+    pub near: i64,
 }
 
-/// Occluding triangles between an eye (or a box of eyes) and a target box.
-#[derive(Clone, Debug)]
+/// Occluding triangles between an eye (or a box of eyes) and a target box. What `Debug` prints of a world is an
+/// expression of it, to be pasted into a test.
+#[derive(Clone)]
 pub struct SightWorld {
     /// Coordinates: of the corners, then of the target's and of the eyes' least corner.
-    numbers: Vec<i64>,
+    pub numbers: Vec<i64>,
     /// Number of leading coordinates that a climb keeps.
-    fixed: usize,
+    pub fixed: usize,
     /// Corners of each triangle, counter-clockwise from its front.
-    faces: Vec<[usize; 3]>,
+    pub faces: Vec<[usize; 3]>,
     /// Whether backs occlude as well.
-    two_sided: bool,
-    target_size: Point,
-    eyes_size: Point,
+    pub two_sided: bool,
+    /// Extent of the target in units; one without extent is a point.
+    pub target_size: Point,
+    /// Extent of the eyes' box in units.
+    pub eyes_size: Point,
     /// `None` for a viewcell.
-    camera: Option<Camera>,
+    pub camera: Option<Camera>,
     /// Metres in a unit, as a power of two.
-    unit: i32,
+    pub unit: i32,
     /// Origin of the scene in units.
-    origin: Point,
+    pub origin: Point,
     /// Whether clearance is how far the target is behind the occluder, or how far from the outline.
-    in_depth: bool,
+    pub in_depth: bool,
+}
+
+impl fmt::Debug for SightWorld {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { numbers, fixed, faces, two_sided, target_size, eyes_size, camera, unit, origin, in_depth } =
+            self;
+        write!(f, "SightWorld {{ numbers: vec!{numbers:?}, fixed: {fixed}, faces: vec!{faces:?}, ")?;
+        write!(f, "two_sided: {two_sided}, target_size: {target_size:?}, eyes_size: {eyes_size:?}, ")?;
+        write!(f, "camera: {camera:?}, unit: {unit}, origin: {origin:?}, in_depth: {in_depth} }}")
+    }
 }
 
 fn minus(a: Point, b: Point) -> Point {
@@ -375,5 +391,49 @@ impl ClimbInput for SightWorld {
         let (eyes, targets) = (corners(eyes, self.eyes_size), corners(target, self.target_size));
         let lines = eyes.iter().flat_map(|&eye| targets.iter().map(move |&target| (eye, target)));
         lines.filter_map(|(eye, target)| self.blocked_by(eye, target)).min_by(f64::total_cmp)
+    }
+
+    /// A world without one of its triangles, whose corners stay.
+    fn without(&self, part: usize) -> Option<Self> {
+        let mut less = self.clone();
+        (self.fixed == 0 && part < self.faces.len()).then(|| less.faces.remove(part))?;
+        Some(less)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    macro_rules! with_source {
+        ($expression:expr) => {
+            ($expression, stringify!($expression))
+        };
+    }
+
+    #[test]
+    fn a_world_is_printed_as_an_expression() {
+        let (world, source) = with_source!(SightWorld {
+            numbers: vec![0, 0, 9, 1, 0, 9, 0, 1, 9, 0, 0, 20, 0, 0, 0],
+            fixed: 0,
+            faces: vec![[0, 1, 2]],
+            two_sided: true,
+            target_size: [1, 1, 1],
+            eyes_size: [0, 0, 0],
+            camera: Some(Camera { rows: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], near: 1 }),
+            unit: -3,
+            origin: [0, 0, 0],
+            in_depth: false,
+        });
+        let dense = |text: &str| text.split_whitespace().collect::<String>().replace(",}", "}");
+        assert_eq!(dense(&format!("{world:?}")), dense(source));
+    }
+
+    #[test]
+    fn triangles_are_left_out_unless_they_are_fixed() {
+        let world = SightWorld::seen_by_camera(&mut Random(1));
+        let count = world.faces.len();
+        assert_eq!(world.without(count - 1).map(|less| less.faces.len()), Some(count - 1));
+        assert!(world.without(count).is_none() && world.with_fixed_triangles().without(0).is_none());
     }
 }
