@@ -7,6 +7,10 @@ use crate::line_side::U;
 use crate::sight::Sight;
 use alloc::vec::Vec;
 
+/// Bound on the errors by underflow of a product of sums, or a sum of products, of a few double-double
+/// numbers, each of which is wrong by some times the least number, 2^-1074.
+const UNDERFLOW: f64 = 1e-300;
+
 impl Check<'_> {
     /// Returns whether, for each pair of a corner of the viewcell polygon and a corner of the target polygon,
     /// a weighted sum is certainly negative: the sum over all rows of the row's weight, times its sign, times
@@ -16,7 +20,8 @@ impl Check<'_> {
     ///
     /// Rounding, with U the unit round-off of `f64`: a term is a side, rounded to `f64`, times a weight, and
     /// wrong by 2 U of its magnitude. Each of the sums of n terms is wrong by U of the sum of their
-    /// magnitudes.
+    /// magnitudes. Weights may be so small that terms and their errors underflow, each by half of the least
+    /// number, or so great that a sum overflows, which no later term undoes.
     pub(super) fn excludes(&self, sight: &Sight, rows: &[Divider], weights: &[f64]) -> bool {
         if weights.iter().any(|w| *w < 0.0) {
             return false;
@@ -28,10 +33,10 @@ impl Check<'_> {
             for (sum, (value, error)) in sums.iter_mut().zip(self.sides(sight, edge, side)) {
                 let term = value * sign * weight;
                 sum.0 += term;
-                sum.1 += error * weight + term.abs() * rounding;
+                sum.1 += error * weight + term.abs() * rounding + UNDERFLOW;
             }
         }
-        sums.iter().all(|(value, error)| *value < -*error)
+        sums.iter().all(|(value, error)| value.is_finite() && *value < -*error)
     }
 
     /// Returns whether no line passes all three edges on the given sides, by the quadratic form of the file
@@ -50,7 +55,8 @@ impl Check<'_> {
     /// In the form, where c is t x u and w is e x s, the 8 E count as 16 E (|t| |u| |w| + |c| |e| |s|) |x|
     /// |y|. Needed are 4 E of the same sum for the two products, and 20 E |c| |w| |x| |y|, which is at most
     /// 10 E of it. The bounds are themselves wrong by some U, since they are computed in `f64`. The remaining
-    /// 2 E and the room for errors of positions are more than that.
+    /// 2 E and the room for errors of positions are more than that. Each product, scalar product and sum of
+    /// terms may be wrong by [`UNDERFLOW`] besides.
     pub(super) fn corner_excludes(&self, sight: &Sight, rows: [&Divider; 3]) -> bool {
         let t = rows.map(|([a, b], s)| difference(b.0, a.0).map(|x| x.times(D::from(*s))));
         let c = [cross(t[1], t[2]), cross(t[2], t[0]), cross(t[0], t[1])];
@@ -67,13 +73,13 @@ impl Check<'_> {
         // on each axis, and a product of two vectors by at most twice the product of the sums of their
         // magnitudes.
         let wrong = |u: [D; 3], w: [D; 3]| {
-            4.0 * change * (norm(u) + norm(w) + change) + 8.0 * D::ERROR * norm(u) * norm(w)
+            4.0 * change * (norm(u) + norm(w) + change) + 8.0 * D::ERROR * norm(u) * norm(w) + UNDERFLOW
         };
         let c_wrong: [f64; 3] = core::array::from_fn(|k| wrong(t[(k + 1) % 3], t[(k + 2) % 3]));
         let w_wrong: [f64; 3] = core::array::from_fn(|k| wrong(e[k], t[k]));
         let is_positive = directions.iter().all(|d| {
             (0..3).all(|k| {
-                let least = norm(c[k]) * change + c_wrong[k] * (norm(*d) + change);
+                let least = norm(c[k]) * change + c_wrong[k] * (norm(*d) + change) + UNDERFLOW;
                 dot(c[k], *d).hi * sign > least
             })
         });
@@ -87,6 +93,7 @@ impl Check<'_> {
                         form = form.plus(both);
                         let moved = 2.0 * change * (norm(*x) + norm(*y) + change);
                         error += norm(c[k]) * norm(w[k]) * moved;
+                        error += UNDERFLOW * (1.0 + (norm(c[k]) + norm(w[k])) * (norm(*x) + norm(*y)));
                         let changed = c_wrong[k] * (norm(w[k]) + w_wrong[k]) + norm(c[k]) * w_wrong[k];
                         error += 2.0 * changed * (norm(*x) + change) * (norm(*y) + change);
                     }

@@ -41,7 +41,7 @@
 //! | `ends_are_on_side`: with a clearance, and without | `lines_that_cross_a_triangle_over_which_all_segments_pass_are_refused`, `lines_that_end_beside_a_corner_of_the_target_are_refused` |
 //! | `side`: underflow | `sides_that_underflow_are_unsure` |
 //! | `is_on_side`, `separates`: margins | `edges_within_the_error_of_positions_are_not_passed`, and `what_touches_by_less_than_the_error_is_not_apart` in `tests` |
-//! | `excludes`: weights, sums, rounding | `edges_that_lines_pass_outside_are_refused`, `weights_that_cancel_are_refused` |
+//! | `excludes`: weights, sums, rounding, underflow, overflow | `edges_that_lines_pass_outside_are_refused`, `weights_that_cancel_are_refused`, `weights_that_underflow_or_overflow_are_refused` |
 //! | `corner_excludes`: signs, form, rounding | `corners_with_lines_are_refused`, `corners_on_a_line_are_refused`, `corners_of_edges_along_each_other_are_refused`, `corners_within_the_errors_of_positions_are_refused`, `corners_at_a_point_within_the_errors_of_positions_are_refused` |
 //! | `check`: margin of cuts, tags with a clearance | `targets_seen_from_next_to_their_plane_are_refused`, `corners_of_the_target_have_no_tag_with_a_clearance` |
 //! | `node`: cuts by planes | `viewcells_are_split_by_planes_of_one_sided_triangles` |

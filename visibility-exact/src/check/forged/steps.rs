@@ -189,3 +189,26 @@ fn clearances_within_the_error_of_positions_are_refused() {
         assert_eq!(world.error(seen, vec![]), MALFORMED, "{round}");
     }
 }
+
+/// Weights of a true sum, so small that the sides that count against it underflow, and so great that those
+/// that count for it overflow. Between a lower and an upper wall, a slot is open.
+#[test]
+fn weights_that_underflow_or_overflow_are_refused() {
+    let at = 0.984375;
+    let lower = [[at, -1.0, 0.015625], [at, 1.0, 0.015625], [at, 0.0, -50.0]];
+    let upper = [[at, -2.0, 0.109375], [at, 2.0, 0.109375], [at, 0.0, 50.0]];
+    let target = [[1.0, -0.125, -0.25], [1.0, 0.125, -0.25], [1.0, 0.0, 0.25]];
+    let mut world = World::new(target, &[lower, upper]);
+    world.cell = CellBox { min: DVec3::new(-1.0, -0.25, -0.25), max: DVec3::new(0.0, 0.25, 0.25) };
+    let seen = [[0.0; 3], [1.0, 0.0, 0.0625]];
+    let edges = [LoopEdge::Divides, LoopEdge::Inside, LoopEdge::Inside];
+    let [below, above] = [-0.2, 0.2].map(|z| [[0.0, 0.0, z], [1.0, 0.0, z]]);
+    let lower = ring(world.piece(1), &world.shapes[1], below, &edges);
+    let upper = ring(world.piece(2), &world.shapes[2], above, &edges);
+    for weights in [&[5e-324; 3][..], &[1.797e308, 1.797e308, 1.2e308, 1.2e308, 1.2e308]] {
+        let mut steps = vec![lower.clone(); 2];
+        steps.resize(weights.len(), upper.clone());
+        steps.push(empty(weights));
+        assert_eq!(world.error(seen, steps), WEIGHTS, "{weights:?}");
+    }
+}
