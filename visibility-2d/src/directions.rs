@@ -29,9 +29,10 @@ pub(crate) fn disc_span(x: f64, y: f64, radius: f64, power: f64) -> (f64, f64, f
     let last = diamond(x * t - y * radius, y * t + x * radius);
     // The power has an error of `4u (d^2 + r^2) <= 8u d^2`, so `t` is off by `4u d^2 / t`, and the angle by
     // at most `4u d / t <= 4u d^2 / t^2`. Direction numbers change by at most sqrt(2) times as much. Other
-    // roundings are below `16u`.
+    // roundings are below `16u`. Products of the least numbers underflow, each by up to 2^-1075.
     let squared = x * x + y * y;
-    (first, last, 8.0 * f64::EPSILON + 4.0 * f64::EPSILON * (squared / power))
+    let of_power = 4.0 * f64::EPSILON * squared + f64::MIN_POSITIVE;
+    (first, last, 8.0 * f64::EPSILON + of_power / power)
 }
 
 /// Returns the first and the last direction, counter-clockwise, in which a rectangle is seen, as direction

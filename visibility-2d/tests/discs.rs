@@ -8,6 +8,19 @@ use visibility_2d::discs::{Disc, DiscError, DiscView, DiscZone, Discs};
 use visibility_testing::allocations::ALLOCATIONS;
 use visibility_testing::{Random, judged, told_enough};
 
+/// Squares of these coordinates have four digits left. The second disc is seen beside the first.
+#[test]
+fn discs_whose_squares_underflow_hide_nothing() {
+    let discs = [
+        Disc { center: [1.5072654543702114e-160, 6.845440245415757e-161], radius: 1.1566059434494078e-160 },
+        Disc { center: [1.6796258133116618e-160, 4.3203741866883384e-160], radius: 1e-164 },
+    ];
+    let (discs, mut seen) = (Discs::new(&discs).unwrap(), Vec::new());
+    DiscZone::new().look(&discs, &DiscView::new([0.0; 2]), &mut seen);
+    seen.sort_unstable();
+    assert_eq!(seen, [0, 1], "both are seen");
+}
+
 /// Returns the first disc that a ray meets and its distance, by testing all discs.
 fn first(discs: &[Disc], eye: [f64; 2], angle: f64) -> Option<(usize, f64)> {
     let (sin, cos) = angle.sin_cos();

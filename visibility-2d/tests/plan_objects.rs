@@ -240,6 +240,17 @@ fn heights_decide_as_whole_numbers_do() {
     // A line of sight exactly along the wall's top passes; a millionth below, it is stopped.
     assert!(plan.sees_at(([-1.0, 0.0], 1.0), ([1.0, 0.0], 1.0)).unwrap(), "a line along the wall's top");
     assert!(plan.sees_at(([-0.1, 0.0], 1.1), ([0.2, 0.0], 0.8)).unwrap(), "touches the top, up to rounding");
+    let kerb = Plan::new(&[Wall::new([0.0, -1.0], [0.0, 1.0]).with_heights(-1.0, 0.0)]).unwrap();
+    assert!(
+        kerb.sees_at(([-1.0, 0.0], 0.0), ([1.0, 0.0], 5e-324)).unwrap(),
+        "half of the least number above"
+    );
+    // A wall 10^-16 long, seen nearly edge on: the areas that tell where the line crosses it cancel.
+    let (p, q) =
+        ([-5.692135374532318e-17, -6.394053597493141e-17], [7.077458765595382e-18, 7.95020632919903e-18]);
+    let splinter = Plan::new(&[Wall::new(p, q).with_heights(-1.0, 1.0)]).unwrap();
+    let (a, b) = ([1.0595511051688549, 1.1902082627979291], [-1.0595511051688549, -1.1902082627979291]);
+    assert!(splinter.sees_at((a, 0.0), (b, 10.0)).unwrap(), "passes four metres above the wall");
     assert!(
         !plan.sees_at(([-1.0, 0.0], 1.0), ([1.0, 0.0], 1.0 - 1e-6)).unwrap(),
         "a line that ends below the wall's top"

@@ -32,6 +32,16 @@ impl World {
         Self { rows, columns, heights }
     }
 
+    /// Lowers each height by the curvature times its squared distance from an eye, in cells of 3 by 2.
+    fn lowered(mut self, eye: [i128; 2], curvature: i128) -> Self {
+        for (sample, height) in self.heights.iter_mut().enumerate() {
+            let (down, across) =
+                ((sample / self.columns) as i128 - eye[0], (sample % self.columns) as i128 - eye[1]);
+            *height = height.map(|height| height - curvature * (9 * down * down + 4 * across * across));
+        }
+        self
+    }
+
     fn floats(&self) -> Vec<f32> {
         self.heights.iter().map(|height| height.map_or(f32::NAN, |height| height as f32)).collect()
     }
@@ -119,7 +129,7 @@ fn is_hidden_by(eye: Point, target: Point, [a, b]: [Point; 2], closed: bool) -> 
 }
 
 /// Compares worlds of a kind; returns how many samples were visible and how many hidden.
-fn compare(seed: u64, worlds: usize, relief: i32, holes: bool) -> [usize; 2] {
+fn compare(seed: u64, worlds: usize, relief: i32, holes: bool, curvature: i32) -> [usize; 2] {
     let mut random = Random(seed);
     let mut viewshed = Viewshed::new();
     let mut counts = [0; 2];
@@ -128,14 +138,16 @@ fn compare(seed: u64, worlds: usize, relief: i32, holes: bool) -> [usize; 2] {
         let row = random.below(4 * (world.rows - 1) + 1) as i128;
         let column = random.below(4 * (world.columns - 1) + 1) as i128;
         // Half of all observers stand on a sample.
-        let whole = random.one_in(2);
+        let whole = random.one_in(2) || curvature != 0;
         let [row, column] = [row, column].map(|at| if whole { at / QUARTERS * QUARTERS } else { at });
         let (height, target_height) = (random.between(0, 5) as i128, random.between(0, 3) as i128);
         let floats = world.floats();
         let raster = HeightRaster::new(&floats, world.rows, world.columns, [3.0, 2.0]).expect("a raster");
+        let world = world.lowered([row / QUARTERS, column / QUARTERS], i128::from(curvature));
         let observer = Observer::new(row as f64 / 4.0, column as f64 / 4.0)
             .with_height(height as f64 / 4.0)
-            .with_target_height(target_height as f64);
+            .with_target_height(target_height as f64)
+            .with_curvature(f64::from(curvature));
         let mut visible = vec![false; floats.len()];
         let mut hidden = vec![0.0; floats.len()];
         let Some(surface) = world.surface(row, column) else {
@@ -170,14 +182,14 @@ fn compare(seed: u64, worlds: usize, relief: i32, holes: bool) -> [usize; 2] {
 #[test]
 fn every_sample_agrees_with_all_edges_in_exact_arithmetic() {
     for (seed, relief) in [(1, 1), (2, 3), (3, 20)] {
-        let [visible, hidden] = compare(seed, 600, relief, false);
+        let [visible, hidden] = compare(seed, 600, relief, false, 0);
         assert!(visible > 3000 && hidden > 1000, "relief {relief}: {visible} visible, {hidden} hidden");
     }
 }
 
 #[test]
 fn holes_hide_nothing() {
-    let [visible, hidden] = compare(4, 1500, 6, true);
+    let [visible, hidden] = compare(4, 1500, 6, true, 0);
     assert!(visible > 3000 && hidden > 3000, "{visible} visible, {hidden} hidden");
 }
 
@@ -200,6 +212,27 @@ fn an_edge_beside_a_hole_hides_nothing_exactly_at_its_end() {
     };
     assert_eq!(seen(&[]), [false, false], "land all around the peak");
     assert_eq!(seen(&[[3, 2], [3, 3]]), [true, false], "holes on one side");
+}
+
+#[test]
+fn directions_to_the_end_of_an_edge_beside_a_hole_may_round_either_way() {
+    // The line of sight to the last sample passes exactly over the end (1, 3) of an edge, since the column of
+    // the eye is three times its row: (1 - q) / (3 - 3 q) = (2 - q) / (6 - 3 q).
+    let mut heights = [[f64::NAN; 7]; 4];
+    for (row, column, height) in
+        [(0, 0, 0.0), (0, 1, 0.0), (1, 1, 0.0), (0, 3, 10.0), (1, 3, 10.0), (2, 6, 1.0)]
+    {
+        heights[row][column] = height;
+    }
+    let raster = HeightRaster::new(heights.as_flattened(), 4, 7, [1.0, 1.0]).expect("a raster");
+    let mut eyes = Random(6);
+    for row in std::iter::once(0.1994286912291222).chain((0..2000).map(|_| eyes.unit() / 3.0)) {
+        // A row of few digits, so that its triple is exact.
+        let row = (row * 9007199254740992.0_f64).round() / 9007199254740992.0;
+        let mut visible = [false; 28];
+        Viewshed::new().look(&raster, &Observer::new(row, 3.0 * row), &mut visible).expect("over the raster");
+        assert!(visible[2 * 7 + 6], "from {row}, {}", 3.0 * row);
+    }
 }
 
 #[test]
@@ -276,6 +309,57 @@ fn distance_is_along_the_plan_and_inclusive() {
         let (down, across) = (10 * (sample as i32 / 9 - 3), 20 * (sample as i32 % 9 - 4));
         assert_eq!(seen, down * down + across * across <= 2500, "sample {sample}");
     }
+}
+
+#[test]
+fn a_sample_at_just_the_greatest_distance_is_seen() {
+    // Three and four cells are exact products, and five cells are the distance.
+    for cell in [0.79, 1.29, 1.58, 2.33, 2f64.powi(-60), 2f64.powi(60)] {
+        assert_eq!(
+            [3.0, 4.0].map(|n: f64| n.mul_add(cell, -(n * cell))),
+            [0.0; 2],
+            "{cell} has exact multiples"
+        );
+        for end in [[0, 5], [5, 0], [3, 4], [4, 3]] {
+            let raster = HeightRaster::new(&[0.0; 36], 6, 6, [cell; 2]).expect("a raster");
+            let mut visible = [false; 36];
+            let observer = Observer::new(0.0, 0.0).with_height(1.0).with_max_distance(5.0 * cell);
+            Viewshed::new().look(&raster, &observer, &mut visible).expect("over the raster");
+            assert!(visible[6 * end[0] + end[1]], "cell {cell}, sample {end:?}");
+        }
+    }
+}
+
+#[test]
+fn curved_terrain_agrees_with_all_edges_in_exact_arithmetic() {
+    for (seed, curvature) in [(6, 1), (7, -1), (8, 3)] {
+        let [visible, hidden] = compare(seed, 300, 60, false, curvature);
+        assert!(visible > 500 && hidden > 300, "{curvature}: {visible} visible, {hidden} hidden");
+    }
+}
+
+#[test]
+fn heights_that_cancel_with_the_curvature_hide_nothing() {
+    // Lowered heights of row 0 are 3 at column 1 and 11 at column 3: the line of sight to the latter passes
+    // over the former at 11 / 3. Nine times the curvature has three bits too many for an `f64`.
+    let curvature = 4503599627370501.0;
+    let heights = [0.0, 4503599627370504.0, 0.0, 40532396646334520.0, 0.0, 9007199254741004.0, 0.0, 0.0];
+    let raster = HeightRaster::new(&heights, 2, 4, [1.0, 1.0]).expect("a raster");
+    let mut visible = [false; 8];
+    let observer = Observer::new(0.0, 0.0).with_curvature(curvature);
+    Viewshed::new().look(&raster, &observer, &mut visible).expect("over the raster");
+    assert!(visible[3], "a sample at 11 behind one at 3");
+}
+
+#[test]
+fn the_least_heights_hide_nothing_by_rounding() {
+    // The line of sight to 5 units in column 3 passes 3 units in column 2 at 10 / 3 units.
+    let row = [0, 0, 3, 5].map(f64::from_bits);
+    let heights = [row, row];
+    let raster = HeightRaster::new(heights.as_flattened(), 2, 4, [1.0, 1.0]).expect("a raster");
+    let mut visible = [false; 8];
+    Viewshed::new().look(&raster, &Observer::new(0.0, 0.0), &mut visible).expect("over the raster");
+    assert!(visible[3], "5 units behind 3");
 }
 
 #[test]

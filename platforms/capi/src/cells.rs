@@ -201,7 +201,9 @@ pub unsafe extern "C" fn vis_cells_create_of_scene(
             occluder.filter(|_| object.layers != 0)
         });
         for (mesh, transform) in walls {
-            let world = |&at: &Vec3| scene.origin() + transform.transform_point3(at).as_dvec3();
+            // In `f64`: what nearly cancels in `f32` would close a gap that cullers see through.
+            let transform = transform.as_daffine3();
+            let world = |at: &Vec3| scene.origin() + transform.transform_point3(at.as_dvec3());
             let vertices: Vec<DVec3> = mesh.positions().iter().map(world).collect();
             let corners = |triangle: &[u32; 3]| triangle.map(|i| vertices.get(i as usize).copied());
             for [a, b, c] in mesh.triangles().iter().map(corners) {

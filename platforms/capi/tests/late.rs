@@ -3,7 +3,7 @@
 mod common;
 
 use common::{make, ok, returns};
-use std::ptr::null_mut;
+use std::ptr::{null, null_mut};
 use visibility::vis_status::*;
 use visibility::*;
 
@@ -33,7 +33,7 @@ fn street(height: f32) -> (*mut vis_scene, [u64; 2]) {
     // SAFETY: the scene is live.
     unsafe {
         ok(vis_scene_add_box_mesh(scene, &raw const wall, &raw mut mesh));
-        ok(vis_scene_set_mesh(scene, ids[0], mesh, std::ptr::null()));
+        ok(vis_scene_set_mesh(scene, ids[0], mesh, null()));
     }
     (scene, ids)
 }
@@ -190,7 +190,7 @@ fn cells_of_a_scene_hide_what_is_behind_its_walls() {
                 is_two_sided,
                 &raw mut mesh,
             ));
-            ok(vis_scene_set_mesh(room, walls, mesh, std::ptr::null()));
+            ok(vis_scene_set_mesh(room, walls, mesh, null()));
             ok(vis_cells_create_of_scene(room, 0, &raw mut cells, null_mut()));
             ok(vis_pipeline_add_frustum(pipeline));
             ok(vis_pipeline_add_portals(pipeline, cells));
@@ -202,4 +202,45 @@ fn cells_of_a_scene_hide_what_is_behind_its_walls() {
             ok(vis_scene_remove(room, lamp));
         }
     }
+}
+
+/// Two walls with a slot of a metre between them. The transform of the second subtracts numbers that are equal
+/// up to the last bits of an `f32`.
+#[test]
+fn cells_of_a_scene_leave_slots_open_that_f32_would_close() {
+    let scene = make(vis_scene_create);
+    let lamp_box = vis_box { min: [9.5, 0.25, -0.25], max: [10.5, 0.75, 0.25] };
+    let lamp_desc = vis_object_default(lamp_box);
+    let mut lamp = VIS_NO_OBJECT;
+    // SAFETY: the scene is live.
+    ok(unsafe { vis_scene_insert(scene, &raw const lamp_desc, &raw mut lamp) });
+    // The second wall goes from 3 * 16777211 - 50331632 = 1 to 100.
+    let thrice: [f32; 16] =
+        [1.0, 0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -50_331_632.0, 0.0, 1.0];
+    for (y, placed, transform) in
+        [([-100.0, 0.0], [-100.0, 0.0], None), ([16_777_211.0, 16_777_244.0], [1.0, 100.0], Some(thrice))]
+    {
+        let bounds = vis_box { min: [5.0, placed[0], -100.0], max: [5.0, placed[1], 100.0] };
+        let desc = vis_object_desc { flags: VIS_OBJECT_OCCLUDER, ..vis_object_default(bounds) };
+        let corners: [f32; 12] = [5.0, y[0], -100.0, 5.0, y[1], -100.0, 5.0, y[1], 100.0, 5.0, y[0], 100.0];
+        let indices = [0, 1, 2, 0, 2, 3];
+        let (mut wall, mut mesh) = (VIS_NO_OBJECT, 0);
+        let transform = transform.as_ref().map_or(null(), |numbers| numbers.as_ptr());
+        // SAFETY: handles are live, and lists are as long as said.
+        unsafe {
+            ok(vis_scene_insert(scene, &raw const desc, &raw mut wall));
+            ok(vis_scene_add_mesh(scene, corners.as_ptr(), 4, indices.as_ptr(), 2, true, &raw mut mesh));
+            ok(vis_scene_set_mesh(scene, wall, mesh, transform));
+        }
+    }
+    let (mut cells, pipeline) = (null_mut(), make(vis_pipeline_create));
+    // SAFETY: handles are live.
+    unsafe {
+        ok(vis_cells_create_of_scene(scene, 0, &raw mut cells, null_mut()));
+        ok(vis_pipeline_add_portals(pipeline, cells));
+    }
+    let view = look_from([0.0, 0.5, 0.0], 0.0);
+    assert!(sees(pipeline, scene, view, lamp), "a lamp behind a slot of a metre");
+    let aside = look_from([0.0, -50.0, 0.0], 0.0);
+    assert!(!sees(pipeline, scene, aside, lamp), "a lamp behind the first wall");
 }

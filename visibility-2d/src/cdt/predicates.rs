@@ -57,6 +57,13 @@ pub(crate) fn area(a: Point, b: Point, c: Point) -> f64 {
     cross([c, a], [c, b])
 }
 
+/// Returns a bound on the error of [`area`]: 2^-103 of the sum of the magnitudes of its two products. The low
+/// parts' product is below 2^-106 of each, and the sums round by less.
+pub(crate) fn area_error(a: Point, b: Point, c: Point) -> f64 {
+    let [x, y] = [0, 1].map(|axis| ((a[axis] - c[axis]) * (b[1 - axis] - c[1 - axis])).abs());
+    (x + y) / (1u128 << 103) as f64
+}
+
 /// Returns the cross product of the vectors from `a` to `b` and from `c` to `d`, with 106 bits of precision
 /// relative to its two products: positive if the second vector turns left from the first.
 pub(super) fn cross([a, b]: [Point; 2], [c, d]: [Point; 2]) -> f64 {

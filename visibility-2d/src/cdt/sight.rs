@@ -8,7 +8,7 @@
 
 use super::error::PlanError;
 use super::plan::{BLOCKS, Plan};
-use super::predicates::{MAX_MAGNITUDE, Point, area, checked, is_same_way, orient};
+use super::predicates::{MAX_MAGNITUDE, Point, area, area_error, checked, is_same_way, orient};
 use super::triangulation::{NONE, Place, next, previous};
 
 /// Point where a ray ends at a wall or at the rectangle around the plan.
@@ -223,20 +223,26 @@ impl Walk<'_> {
             return false;
         }
         let Some([of_a, of_b]) = self.heights else { return true };
-        // The fraction of the way has an error below 8 u. The height adds the error of the difference of
+        // The share of the way is wrong by 8 u, and by the errors of areas that nearly cancel: a quotient of
+        // numbers b / d from 0 to 1 by two errors over d. The height adds the error of the difference of
         // heights, and two roundings.
-        let share = end.map_or_else(
+        let (share, doubt) = end.map_or_else(
             || {
                 let [p, q] = self.plan.ends(h);
-                let (before, after) = (area(p, q, self.a), area(p, q, self.b));
-                before / (before - after)
+                let [(before, of_before), (after, of_after)] =
+                    [self.a, self.b].map(|end| (area(p, q, end), area_error(p, q, end)));
+                let whole = before - after;
+                let doubt = 2.0 * (of_before + of_after) / whole.abs();
+                ((before / whole).clamp(0.0, 1.0), if doubt < 1.0 { doubt } else { 1.0 })
             },
             |end| {
                 let axis = self.longer_axis();
-                (end[axis] - self.a[axis]) / (self.b[axis] - self.a[axis])
+                ((end[axis] - self.a[axis]) / (self.b[axis] - self.a[axis]), 0.0)
             },
         );
-        let (height, error) = (of_a + share * (of_b - of_a), 16.0 * f64::EPSILON * (of_a.abs() + of_b.abs()));
+        let height = of_a + share * (of_b - of_a);
+        let error =
+            16.0 * f64::EPSILON * (of_a.abs() + of_b.abs()) + doubt * (of_b - of_a).abs() + f64::MIN_POSITIVE;
         self.plan.stops_between(h, [height - error, height + error])
     }
 

@@ -140,25 +140,26 @@ impl Envelope {
     }
 
     /// Returns a function that tells the slope of the envelope for directions that do not decrease from call
-    /// to call. Where two pieces meet, the lower of their slopes counts: they differ beside holes alone. In a
-    /// direction along the border of the raster (`true`) it is the higher, since the other side has no
-    /// terrain. Minus infinity where there is nothing.
+    /// to call. Where pieces meet, up to the rounding of directions, the lower of their slopes counts: they
+    /// differ beside holes alone. In a direction along the border of the raster (`true`) it is the higher,
+    /// since the other side has no terrain. Minus infinity where there is nothing.
     pub(super) fn slopes(&self) -> impl FnMut(f64, bool) -> f64 + '_ {
         let mut rest = self.pieces.as_slice();
         move |direction, on_border| {
+            // A direction is a quotient of differences, off by 2 epsilon; so is the end of a piece.
+            let off = 8.0 * f64::EPSILON * direction.abs();
             while let [_, later @ ..] = rest
-                && later.first().is_some_and(|next| next.0 < direction)
+                && later.first().is_some_and(|next| next.0 < direction - off)
             {
                 rest = later;
             }
-            match rest {
-                [piece, next, ..] if next.0 == direction => {
-                    let (before, after) = (piece.1.slope(direction), next.1.slope(direction));
-                    if on_border { before.max(after) } else { before.min(after) }
-                }
-                [piece, ..] => piece.1.slope(direction),
-                [] => f64::NEG_INFINITY,
-            }
+            let (first, later) = match rest {
+                [first, later @ ..] => (first.1.slope(direction), later),
+                [] => return f64::NEG_INFINITY,
+            };
+            let met = later.iter().take_while(|piece| piece.0 <= direction + off);
+            met.map(|piece| piece.1.slope(direction))
+                .fold(first, |one, other| if on_border { one.max(other) } else { one.min(other) })
         }
     }
 }

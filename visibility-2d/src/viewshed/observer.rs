@@ -125,7 +125,13 @@ impl Observer {
         // The triangle below the eye goes from the corner `(0, 0)` of the square along one of its sides to a
         // second corner, and on to `(1, 1)`. A corner whose share is 0 may be missing or beyond the raster.
         let (side, along, on) = if across >= down { ([0, 1], across, down) } else { ([1, 0], down, across) };
-        let mut eye = Eye { height: self.height, magnitude: self.height };
+        // What the curvature lowers a sample by is rounded before the difference, in which it may cancel.
+        let far = [(0, 0), (0, raster.columns() - 1), (raster.rows() - 1, 0)];
+        let far = far.into_iter().chain([(raster.rows() - 1, raster.columns() - 1)]);
+        let far =
+            far.map(|(row, column)| self.squared_distance(raster.cell(), row, column)).fold(0.0, f64::max);
+        let lowered_by = if self.curvature == 0.0 { 0.0 } else { self.curvature.abs() * far };
+        let mut eye = Eye { height: self.height, magnitude: self.height + lowered_by };
         for ([r, c], share) in [([0, 0], 1.0 - along), (side, along - on), ([1, 1], on)] {
             if share != 0.0 {
                 let corner = self.ground(raster, first_row + r, first_column + c);

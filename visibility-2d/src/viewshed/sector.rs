@@ -139,8 +139,10 @@ impl Viewshed {
         let sample = |along: usize, across: usize| {
             if quarter.along_row { (across, along) } else { (along, across) }
         };
-        let reach = observer.max_distance();
-        let rounding_of_eye = ROUNDING * eye.magnitude;
+        // Distances round by 2 epsilon, their squares by 3.5: a sample at just the greatest distance is seen.
+        let reach = observer.max_distance() * (1.0 + 2.0 * f64::EPSILON);
+        // Products of the least numbers underflow.
+        let rounding_of_eye = ROUNDING * eye.magnitude + f64::MIN_POSITIVE;
         self.skyline.clear();
         // The column at or behind the eye, then those ahead of it.
         let mut along = origin as usize;
@@ -173,7 +175,7 @@ impl Viewshed {
                     {
                         continue;
                     }
-                    let on_border = across == 0 || across + 1 == width;
+                    let on_border = direction == 0.0 && (across == 0 || across + 1 == width);
                     let hidden = (slopes(image.0, on_border) * ahead - above_eye).max(0.0);
                     let rounding = rounding_of_eye + ROUNDING * (above_eye.abs() + hidden);
                     result(row * columns + column, hidden, rounding);

@@ -1,6 +1,7 @@
 //! A level prepared for the raster, once: boxes of clusters and sizes of polygons, in lanes.
 
 use crate::lanes::WIDTH;
+use crate::rounding::up;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::Aabb;
@@ -237,12 +238,14 @@ fn in_lanes(boxes: &[Aabb]) -> Vec<BoxLanes> {
     boxes.chunks(WIDTH).map(lanes).collect()
 }
 
-/// Returns the middle of the box around a polygon's vertices, and the greatest distance of a vertex from it.
+/// Returns the middle of the box around a polygon's vertices, and the greatest distance of a vertex from it,
+/// rounded up. Squares of lengths below 2^-75 underflow in `f32`.
 fn middle_and_radius(level: &LevelOccluders, polygon: &OccluderPolygon) -> (Vec3, f32) {
     let [first, end] = polygon.edges.map(|index| index as usize);
     let vertices = || level.edges()[first..end].iter().map(|edge| level.vertices()[edge[0] as usize]);
     let middle = Aabb::from_points(vertices()).center();
-    (middle, vertices().map(|vertex| vertex.distance(middle)).fold(0.0, f32::max))
+    let distance = |vertex: Vec3| up(vertex.as_dvec3().distance(middle.as_dvec3()));
+    (middle, vertices().map(distance).fold(0.0, f32::max))
 }
 
 #[cfg(test)]
@@ -282,6 +285,21 @@ mod tests {
             assert_eq!(level.level.polygons().len(), 2, "polygons of case {case}");
             let partners = level.edges.iter().filter(|edge| edge.partner != NO_EDGE).count();
             assert_eq!(partners, expected, "edges with a partner in case {case}");
+        }
+    }
+
+    #[test]
+    fn spheres_hold_their_polygons_at_all_scales() {
+        for unit in (-120..=60).step_by(15).map(|power| 2f32.powi(power)) {
+            let corners = [[1.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 2.0]].map(Vec3::from_array);
+            let triangle = LevelTriangle { corners: corners.map(|x| x * unit), two_sided: false };
+            let level = prepared(&[triangle]).level.clone();
+            let (middle, radius) = middle_and_radius(&level, &level.polygons()[0]);
+            let radius = f64::from(radius) / f64::from(unit);
+            for vertex in level.vertices() {
+                let distance = (vertex.as_dvec3() - middle.as_dvec3()).length() / f64::from(unit);
+                assert!(distance <= radius && radius < 2.0, "in units of {unit:e}: {distance}, {radius}");
+            }
         }
     }
 
