@@ -4,28 +4,13 @@
 use std::sync::Arc;
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    Aabb, FrustumCuller, OcclusionCuller, Scene,
+    Aabb, OcclusionCuller, Scene,
     pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, Viewcells},
     scene::SceneCursor,
     walk::{BoxHierarchy, Child, SceneHierarchy},
 };
 use visibility_testing::swapped::{Swapped, hold_against_fresh};
 use visibility_testing::{Octree, PlainMap, Random, judged, told_enough};
-
-struct Frustum;
-
-impl Swapped for Frustum {
-    type Culler = FrustumCuller;
-    type Source = ();
-
-    fn derive(&self, _: &Scene, _: &mut Random) {}
-
-    fn make(&self, (): &()) -> FrustumCuller {
-        FrustumCuller::new()
-    }
-
-    fn give(&self, _: &mut FrustumCuller, (): &(), _: &Scene) {}
-}
 
 /// A PVS culler over eight random viewcells, whose targets are objects by index.
 struct Sets;
@@ -118,11 +103,6 @@ fn hold<S: Swapped>(kind: &S, frames: usize) {
     let hidden: usize = (0..4).map(|seed| hold_against_fresh(kind, seed, frames)).sum();
     judged(hidden as u64);
     told_enough(hidden > frames, format_args!("{hidden} objects in {frames} frames are no test"));
-}
-
-#[test]
-fn frustum() {
-    hold(&Frustum, 300);
 }
 
 #[test]
