@@ -8,6 +8,25 @@ use visibility_2d::discs::{Disc, DiscError, DiscView, DiscZone, Discs};
 use visibility_testing::allocations::ALLOCATIONS;
 use visibility_testing::{Random, judged, told_enough};
 
+/// Discs whose nearest point is in range by less than the rounding of the square of their distance, and one that
+/// contains the eye.
+#[test]
+fn wide_discs_are_in_range_up_to_rounding() {
+    for (center, radius, range) in [
+        ([-972.9409525764271, -231.05822383259726], 1000.0, 0.001),
+        ([-9.995421919562533, 0.3025568870953727], 10.0, 1e-9),
+        ([-9.163241953850894, -4.004621942853887], 10.0, 1e-4),
+        ([46.320986221312836, 18.82727374010763], 50.0, 1e-3),
+        ([-0.23160333342556502, -0.04720229315975793], 0.23636446546249962, 0.0),
+        ([-0.23160333342556502, -0.04720229315975793], 0.23636446546249962, f64::NAN),
+    ] {
+        let discs = Discs::new(&[Disc { center, radius }]).unwrap();
+        let mut seen = Vec::new();
+        DiscZone::new().look(&discs, &DiscView::new([0.0; 2]).with_range(range), &mut seen);
+        assert_eq!(seen, [0], "a disc of {radius} around {center:?}, up to {range}");
+    }
+}
+
 /// Squares of these coordinates have four digits left. The second disc is seen beside the first.
 #[test]
 fn discs_whose_squares_underflow_hide_nothing() {

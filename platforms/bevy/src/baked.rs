@@ -38,9 +38,10 @@ pub struct BakedObject(pub u32);
 ///
 /// What hid others in the bake must stay as it was. Nothing is hidden while an occluder of the bake is no
 /// longer as it was baked: its entity is gone, has changed, or is no longer its [`BakedObject`], and no other
-/// entity has taken the place. Nothing is hidden either while an occluder of the bake has a
+/// entity, whose box contains that of the lost one, has taken the place. Nothing is hidden either while an occluder of the bake has a
 /// [`VisibilityRange`] or is on a layer above 30. The culler is [approximate](Accuracy::Approximate) while
-/// the entity of an occluder has not been found yet, since nobody knows whether that wall is drawn.
+/// no entity of an occluder has been found yet, since nobody knows whether that wall is drawn; spawn all parts
+/// of an occluder in one frame.
 ///
 /// A set belongs to one [version](BakedSet::version) of the level. `bake` prints the version, and the game
 /// stores it with the level. The culler of a set whose version was not compared is approximate.
@@ -69,9 +70,9 @@ pub struct BakedLevel {
     boxes: Option<Vec<Aabb>>,
     shared: Arc<Mutex<Sets>>,
     entities: HashMap<Entity, Place>,
-    /// For each baked occluder, by its index: number of entities that were once in its baked state, minus the
-    /// entities that have replaced them since. No entry if the number is 0.
-    lost_occluders: HashMap<u32, usize>,
+    /// For each baked occluder, by its index: world boxes of the entities that were once in its baked state,
+    /// without those that others have replaced since. No entry without boxes.
+    lost_occluders: HashMap<u32, Vec<Aabb>>,
     /// Entities of occluders, where they were baked, that some views find and do not draw: for their
     /// `VisibilityRange`, or for layers above 30, which the scene does not tell apart.
     partly_drawn: HashSet<Entity>,
@@ -81,10 +82,11 @@ pub struct BakedLevel {
 }
 
 /// State of an entity with a [`BakedObject`] relative to the bake. Absent while its position is unknown.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 enum Place {
-    /// The entity is at its baked position. The fields are its object in the scene and its index in the bake.
-    AsBaked(ObjectId, u32),
+    /// The entity is at its baked position. The fields are its object in the scene, its index in the bake, and
+    /// its world box.
+    AsBaked(ObjectId, u32, Aabb),
     /// The entity has changed since it was at its baked position.
     Changed,
 }
@@ -170,16 +172,23 @@ impl BakedLevel {
         let bounds = mirror.scene().bounds(id).ok().filter(|bounds| has_box && bounds.is_finite())?;
         let is_there = |boxes: &Vec<Aabb>| boxes.get(index as usize).is_some_and(|of| contains(of, &bounds));
         let is_known = (index as usize) < self.set.index_limit();
-        (is_known && self.boxes.as_ref().is_none_or(is_there)).then_some(Place::AsBaked(id, index))
+        (is_known && self.boxes.as_ref().is_none_or(is_there)).then_some(Place::AsBaked(id, index, bounds))
     }
 
-    /// Records that an entity is at the baked position of the object with this index.
-    fn insert(&mut self, entity: Entity, place: Place, index: u32) {
+    /// Records where an entity is. At its baked position it replaces the largest lost entity of its object that
+    /// its box contains: another part of a wall leaves the gap of the lost one open.
+    fn insert(&mut self, entity: Entity, place: Place) {
         self.entities.insert(entity, place);
-        if let Entry::Occupied(mut count) = self.lost_occluders.entry(index) {
-            *count.get_mut() -= 1;
-            if *count.get() == 0 {
-                count.remove();
+        let Place::AsBaked(_, index, bounds) = place else { return };
+        if let Entry::Occupied(mut lost) = self.lost_occluders.entry(index) {
+            let boxes = lost.get_mut();
+            let size = |number: &usize| boxes.get(*number).map_or(0.0, |of| of.size().element_sum());
+            let contained = (0..boxes.len()).filter(|&number| contains(&bounds, &boxes[number]));
+            if let Some(number) = contained.max_by(|a, b| size(a).total_cmp(&size(b))) {
+                boxes.swap_remove(number);
+            }
+            if lost.get().is_empty() {
+                lost.remove();
             }
         }
     }
@@ -188,17 +197,17 @@ impl BakedLevel {
     fn set_changed(&mut self, entity: Entity) -> bool {
         let Some(place) = self.entities.get_mut(&entity) else { return false };
         self.partly_drawn.remove(&entity);
-        if let Place::AsBaked(_, index) = std::mem::replace(place, Place::Changed)
+        if let Place::AsBaked(_, index, bounds) = std::mem::replace(place, Place::Changed)
             && self.set.is_occluder(index)
         {
-            *self.lost_occluders.entry(index).or_default() += 1;
+            self.lost_occluders.entry(index).or_default().push(bounds);
         }
         true
     }
 
     /// Notes whether an entity is an occluder that some views find and do not draw.
     fn set_partly_drawn(&mut self, mirror: &VisibilityScene, entity: Entity) {
-        let is_partly_drawn = matches!(self.entities.get(&entity), Some(&Place::AsBaked(id, index))
+        let is_partly_drawn = matches!(self.entities.get(&entity), Some(&Place::AsBaked(id, index, _))
             if self.set.is_occluder(index) && mirror.record(id).must_be_asked());
         if is_partly_drawn {
             self.partly_drawn.insert(entity);
@@ -210,7 +219,7 @@ impl BakedLevel {
     /// Notes that the entities of these objects are no longer where they were baked.
     fn set_all_changed(&mut self, is_changed: impl Fn(ObjectId) -> bool) {
         let places = self.entities.iter();
-        let changed = places.filter(|(_, place)| matches!(place, Place::AsBaked(id, _) if is_changed(*id)));
+        let changed = places.filter(|(_, place)| matches!(place, Place::AsBaked(id, ..) if is_changed(*id)));
         let changed: Vec<Entity> = changed.map(|(&entity, _)| entity).collect();
         for entity in changed {
             self.set_changed(entity);
@@ -345,7 +354,7 @@ pub(crate) fn follow_level(
             // The scene reports a change of the box, but not a change of the mesh inside.
             is_stale |= mesh.is_some_and(|mesh| mesh.is_changed());
         } else if let Some(place) = level.place(&mirror, entity, object.0) {
-            level.insert(entity, place, object.0);
+            level.insert(entity, place);
             level.set_partly_drawn(&mirror, entity);
             is_stale = true;
         }
@@ -367,7 +376,7 @@ pub(crate) fn follow_level(
         Sets::WithoutOccluder
     } else if is_stale {
         let placed = level.entities.values().filter_map(|place| match *place {
-            Place::AsBaked(id, index) => Some((id, index)),
+            Place::AsBaked(id, index, _) => Some((id, index)),
             Place::Changed => None,
         });
         Sets::Of(Arc::new(level.set.for_objects(scene, placed)))

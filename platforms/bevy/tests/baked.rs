@@ -321,6 +321,51 @@ fn files_of_other_levels_are_refused() {
     );
 }
 
+/// A part of a wall that comes late does not fill the gap of another part that is lost.
+#[test]
+fn a_part_does_not_replace_another() {
+    const WALL: u32 = 0;
+    const POST: u32 = 1;
+    let boxes = [[[20.0, -9.0, -9.0], [21.0, 9.0, 9.0]], [[30.0, -1.0, -1.0], [31.0, 1.0, 1.0]]];
+    let mut scene = Scene::new();
+    for (number, [min, max]) in boxes.into_iter().enumerate() {
+        let bounds = Bounds::from_arrays(min, max);
+        scene.insert(Object { occluder: number == WALL as usize, ..Object::new(bounds) });
+    }
+    let cells = Viewcells::new([Viewcell::from_box(DVec3::new(0.0, -5.0, -5.0), DVec3::new(10.0, 5.0, 5.0))]);
+    let set = BakedSet::from_rows(&scene, cells, &[[WALL]]).unwrap();
+    let level = BakedLevel::read(&set.to_bytes(), Some(set.version()), boxes).unwrap();
+    let mut app = app(true);
+    let culling = CullingPipeline::frustum().with(level.culler());
+    app.world_mut().insert_resource(level);
+    let at = Transform::from_xyz(5.0, 0.0, 0.0).looking_at(Vec3::X * 100.0, Vec3::Y);
+    app.world_mut().spawn((BAKED, Camera3d::default(), culling, at));
+    let spawn = |app: &mut App, number: u32, of: [[f32; 3]; 2]| {
+        let (aabb, at) = placed(of);
+        let mesh = Cuboid::from_size(Vec3::from(aabb.half_extents) * 2.0).mesh().build();
+        let mesh = Mesh3d(app.world_mut().resource_mut::<Assets<Mesh>>().add(mesh));
+        app.world_mut().spawn((Number(number), mesh, NoAutoAabb, at, aabb, BakedObject(number))).id()
+    };
+    let [low, high] = [[-9.0, 0.0], [0.0, 9.0]].map(|[from, to]| [[20.0, from, -9.0], [21.0, to, 9.0]]);
+    spawn(&mut app, POST, boxes[1]);
+    let first = spawn(&mut app, WALL, low);
+    let mut check = |app: &mut App, is_hidden: bool, step: &str| {
+        app.update();
+        assert_eq!(
+            !seen_by(app, BAKED).contains(&Number(POST)),
+            is_hidden,
+            "{step}: whether the post is hidden"
+        );
+    };
+    check(&mut app, true, "the lower part is there");
+    app.world_mut().despawn(first);
+    check(&mut app, false, "the lower part is gone");
+    spawn(&mut app, WALL, high);
+    check(&mut app, false, "the upper part has come");
+    spawn(&mut app, WALL, low);
+    check(&mut app, true, "the lower part is back");
+}
+
 /// Nothing is hidden after an occluding wall of the bake changes or disappears, whatever else changes later,
 /// until the wall is restored.
 #[test]

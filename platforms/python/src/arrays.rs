@@ -8,24 +8,18 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-/// An array that was accepted: borrowed if it is contiguous, copied otherwise.
-pub(crate) struct Input<'py, T: Element + Copy> {
-    array: PyReadonlyArrayDyn<'py, T>,
-    copied: Option<Vec<T>>,
-}
+/// An array that was accepted: contiguous and aligned, which numpy has copied it for if it was not.
+pub(crate) struct Input<'py, T: Element + Copy>(PyReadonlyArrayDyn<'py, T>);
 
 impl<T: Element + Copy> Input<'_, T> {
     /// Returns all numbers, the last axis fastest.
     pub(crate) fn numbers(&self) -> &[T] {
-        match &self.copied {
-            Some(copied) => copied,
-            None => self.array.as_slice().unwrap_or_default(),
-        }
+        self.0.as_slice().unwrap_or_default()
     }
 
     /// Returns the lengths of the axes.
     pub(crate) fn shape(&self) -> &[usize] {
-        self.array.shape()
+        self.0.shape()
     }
 
     /// Returns all numbers in groups of `N`, which the last axis, or the last axes together, must be long.
@@ -76,6 +70,7 @@ pub(crate) fn indices<'py>(
     value: &Bound<'py, PyAny>,
     shape: &[Axis],
 ) -> PyResult<Input<'py, u32>> {
+    refuse_masked(name, value)?;
     if let Ok(array) = value.cast::<PyUntypedArray>() {
         if array.dtype().is_equiv_to(&numpy::dtype::<u32>(value.py())) {
             return self::array(name, value, shape);
@@ -109,6 +104,7 @@ pub(crate) fn array<'py, T: Element + Copy>(
     value: &Bound<'py, PyAny>,
     shape: &[Axis],
 ) -> PyResult<Input<'py, T>> {
+    refuse_masked(name, value)?;
     let Ok(array) = value.cast::<PyArrayDyn<T>>() else {
         return Err(refused(name, expected::<T>(value, shape)));
     };
@@ -118,10 +114,24 @@ pub(crate) fn array<'py, T: Element + Copy>(
     if given.len() != shape.len() || !shape.iter().zip(given).all(fits) {
         return Err(refused(name, expected::<T>(value, shape)));
     }
-    let array = array.try_readonly().map_err(|error| refused(name, error))?;
-    // A slice of a Fortran-contiguous array would be in another order.
-    let copied = (!array.is_c_contiguous()).then(|| array.as_array().iter().copied().collect());
-    Ok(Input { array, copied })
+    // Fields of packed records and views of bytes may be strided by parts of numbers, or not aligned: numpy
+    // copies what is not as a slice is.
+    let numpy = value.py().import("numpy")?;
+    let plain = numpy.call_method1("require", (array, value.py().None(), ["C_CONTIGUOUS", "ALIGNED"]))?;
+    let plain = plain.cast_into::<PyArrayDyn<T>>().map_err(|error| refused(name, error))?;
+    let plain = plain.try_readonly().map_err(|error| refused(name, error))?;
+    // Never so after `require`, and no error may pass for an empty array.
+    plain.as_slice().map_err(|error| refused(name, error))?;
+    Ok(Input(plain))
+}
+
+/// Refuses an array of `numpy.ma` with masked numbers: whatever stands behind a mask is no number.
+fn refuse_masked(name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+    let is_masked = value.py().import("numpy.ma")?.call_method1("is_masked", (value,))?.extract()?;
+    if is_masked {
+        return Err(refused(name, "has masked numbers: fill them, heights by `filled(numpy.nan)`"));
+    }
+    Ok(())
 }
 
 /// Says what was expected and what was given, such as `expected (n, 3) float64, got (n, 2) float32`.

@@ -4,6 +4,7 @@ use crate::error::refused;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
+use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::occlusion::{Preparation, prepare};
 use visibility_core::scene::Triangle;
@@ -26,6 +27,13 @@ pub(crate) struct Scene {
     pub(crate) pipelines: Mutex<[Vec<Pipeline>; 2]>,
 }
 
+/// Returns the least `f32` that is not below `x - origin`.
+fn rounded_up(x: f64, origin: f64) -> f32 {
+    let DoubleDouble { hi, lo } = DoubleDouble::difference(x, origin);
+    let nearest = hi as f32;
+    if f64::from(nearest) - hi < lo { nearest.next_up() } else { nearest }
+}
+
 impl Scene {
     pub(crate) fn scene(&self) -> &scene::Scene {
         &self.scene
@@ -41,9 +49,18 @@ impl Scene {
         (DVec3::from_array(point) - self.scene.origin()).as_vec3()
     }
 
-    /// Returns the triangles of a solid box, with corners rounded to the nearest.
+    /// Returns the triangles of a solid box, with corners rounded inwards, so that it hides no more than the box
+    /// as given. Where the box is thinner than `f32` tells, both sides are rounded to the nearest. `None` for
+    /// a box that is turned inside out.
     pub(crate) fn box_triangles(&self, [a, b, c, d, e, f]: [f64; 6]) -> Option<Vec<Triangle>> {
-        let corners = Aabb::new(self.relative([a, b, c]), self.relative([d, e, f]));
+        let origin = self.scene.origin().to_array();
+        let sides = [(a, d), (b, e), (c, f)];
+        let inwards = [0, 1, 2].map(|axis| {
+            let ((min, max), origin) = (sides[axis], origin[axis]);
+            let (low, high) = (rounded_up(min, origin), -rounded_up(-max, -origin));
+            if low <= high { (low, high) } else { ((min - origin) as f32, (max - origin) as f32) }
+        });
+        let corners = Aabb::from_arrays(inwards.map(|side| side.0), inwards.map(|side| side.1));
         let corners = corners.is_proper().then(|| corners.corners())?;
         let triangle = |indices: [u32; 3]| {
             let [a, b, c] = indices.map(|index| corners.get(index as usize).copied());

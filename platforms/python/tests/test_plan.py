@@ -125,3 +125,13 @@ def test_shapely():
     assert room.buffer(1e-9).contains(seen)
     with pytest.raises(ValueError, match="a Point has no walls"):
         Plan.from_shapely(shapely.Point(0, 0))
+
+
+def test_walls_of_packed_records():
+    walls = np.array([[[2.0, -1], [2, 1]], [[-3, -3], [3, -3]]])
+    record = np.zeros(2, dtype=[("id", "u1"), ("ends", "f8", (2, 2))])
+    record["ends"] = walls
+    shifted = np.frombuffer(b"\0" + walls.tobytes(), walls.dtype, offset=1).reshape(walls.shape)
+    for given in [record["ends"], shifted, walls]:
+        plan = Plan(given)
+        assert not plan.sees((0, 0), (4, 0)) and plan.sees((0, 0), (1, 0))

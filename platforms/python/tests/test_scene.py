@@ -240,3 +240,48 @@ def test_ifc(tmp_path):
     kinds = {model.by_guid(names[number]).is_a() for number in scene.cull(AHEAD)}
     assert kinds == {"IfcWall", "IfcWindow"}
     assert len(scene.cull(AHEAD, occlusion=False)) == 3
+
+
+def packed(values, dtype):
+    """The values as a field of packed records, as a view of bytes that is not aligned, and as given."""
+    values = np.asarray(values, dtype=dtype)
+    record = np.zeros(values.shape[0], dtype=[("id", "u1"), ("of", dtype, values.shape[1:])])
+    record["of"] = values
+    shifted = np.frombuffer(b"\0" + values.tobytes(), dtype, offset=1).reshape(values.shape)
+    assert not record["of"].flags.aligned and not shifted.flags.aligned
+    return [record["of"], shifted, values]
+
+
+def test_any_layout_of_memory_gives_one_answer():
+    boxes = [[[5, -1, -1], [6, 1, 1]], [[5, 3, -1], [6, 4, 1]]]
+    view = View.perspective((0, 2, 0), (5, 2, 0))
+    for given in packed(boxes, "f8"):
+        scene = Scene()
+        assert scene.add_boxes(given, solid=False).tolist() == [0, 1]
+        assert scene.cull(view).tolist() == [0, 1]
+    positions = [[5, -1, -1], [5, 1, -1], [5, 0, 1]]
+    for points, triangles in zip(packed(positions, "f8"), packed([[0, 1, 2]], "u4")):
+        scene = Scene()
+        assert scene.add_mesh(points, triangles) == 0
+        assert scene.cull(view).tolist() == [0]
+
+
+def test_masked_numbers_are_refused():
+    boxes = np.ma.masked_equal([[[5.0, -1, -1], [6, 1, 99]]], 99)
+    with pytest.raises(ValueError, match="boxes.*masked"):
+        Scene().add_boxes(boxes)
+    assert Scene().add_boxes(np.ma.array([LAMP])).tolist() == [0], "nothing is masked"
+
+
+def test_a_solid_box_hides_no_more_than_its_own_extent():
+    far = 1e5  # where float32 has steps of 8 mm
+    for edge, seen in [(0.0045, [0, 1]), (0.0075, [0, 1]), (20.0, [0])]:
+        scene = Scene()
+        scene.add_boxes([[[far - 50, 1, -50], [far + edge, 1.5, 50]]])
+        scene.add_boxes([[[far + 5.2, 1000, -0.8], [far + 6.8, 1001, 0.8]]], solid=False)
+        view = View.perspective((far, 0, 0), (far, 1, 0), fov_y=0.1, aspect=1.0, near=0.1)
+        assert scene.cull(view).tolist() == seen, edge
+    scene = Scene()
+    scene.add_boxes([[[0.1, -9, -9], [0.1, 9, 9]]])  # no float32 is 0.1
+    scene.add_boxes([LAMP], solid=False)
+    assert scene.cull(View.perspective((-5, 0, 0), (0, 0, 0))).tolist() == [0], "a flat box still hides"

@@ -85,3 +85,24 @@ def test_a_million_samples():
     heights = (100 * np.sin(x) * np.cos(y)).astype(np.float32)
     visible = visibility.viewshed(heights, (500.5, 499.25), cell_size=30.0)
     assert 0.02 < visible.mean() < 0.6
+
+
+def test_fields_of_records_and_unaligned_bytes():
+    heights = np.random.default_rng(6).integers(0, 50, (30, 40)).astype(np.float32)
+    record = np.zeros(heights.shape, dtype=[("height", "f4"), ("class", "u1")])
+    record["height"] = heights
+    shifted = np.frombuffer(b"\0" + heights.tobytes(), np.float32, offset=1).reshape(heights.shape)
+    whole = visibility.viewshed(heights, (12, 30))
+    assert 0 < whole.sum() < whole.size
+    for given in [record["height"], shifted]:
+        assert (visibility.viewshed(given, (12, 30)) == whole).all()
+        assert (visibility.viewshed_count(given, [(12, 30)]) == whole).all()
+
+
+def test_masked_heights_are_refused():
+    heights = np.zeros((9, 9), np.float32)
+    heights[4, 3] = 32767
+    masked = np.ma.masked_equal(heights, 32767)
+    with pytest.raises(ValueError, match="masked.*nan"):
+        visibility.viewshed(masked, (4, 0))
+    assert visibility.viewshed(masked.filled(np.nan), (4, 0))[4].tolist() == [True] * 3 + [False] + [True] * 5

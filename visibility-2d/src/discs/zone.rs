@@ -134,9 +134,10 @@ impl DiscZone {
         self.queue.clear();
         let Some(top) = discs.levels.len().checked_sub(1) else { return };
         // A disc in range has a nearest point at `d - r <= range`, so its power is at most `range (range + 2
-        // r)`.
+        // r)`, and wrong by `4u (d^2 + r^2)`. What contains the eye is in any range.
         let widest = f64::from(discs.levels[top][0].radius);
-        let farthest = range * (range + 2.0 * widest) * (1.0 + ROUNDING);
+        let reach = range + widest;
+        let farthest = range * (range + 2.0 * widest) * (1.0 + ROUNDING) + ROUNDING * (reach * reach);
         self.queue.push(Reverse((0, (top as u32) << INDEX_BITS)));
         while let Some(Reverse((power, code))) = self.queue.pop() {
             if self.gaps.is_closed() || f64::from_bits(power) > farthest {
