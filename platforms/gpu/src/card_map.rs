@@ -10,6 +10,7 @@ use crate::painter::{Camera, depth_test};
 use crate::pyramid::Pyramid;
 use crate::target::DEPTH;
 use glam::{Affine3A, DVec3, Mat4, Vec3, Vec3A, Vec4Swizzles};
+use visibility_core::geometry::keeps_orientation;
 use visibility_core::occlusion::Occlusion;
 use visibility_core::view::{Eye, ViewPlanes};
 use visibility_core::{Aabb, Accuracy, OccluderMesh, OcclusionMap, View};
@@ -39,6 +40,8 @@ pub struct CardMap {
     eye: Eye,
     /// Corners of the triangles of all occluders in this frame that face the eye or are two-sided.
     corners: Vec<[f32; 3]>,
+    /// Number of triangles that a buffer of the device has room for.
+    most_triangles: usize,
     /// Number of corners drawn into the pyramid.
     flushed: usize,
     /// Depths of all pyramid levels. Empty if nothing is hidden.
@@ -46,9 +49,11 @@ pub struct CardMap {
 }
 
 impl CardMap {
-    /// Creates a map of `width` by `height` pixels, at least 1 each.
+    /// Creates a map of `width` by `height` pixels, at least 1 each. What the device has no room for is halved
+    /// on both sides until it has: a map of any size is as right, and a smaller one hides less.
     pub fn new(gpu: &Gpu, width: u32, height: u32) -> Self {
-        let size = [width.max(1), height.max(1)];
+        let limits = gpu.device.limits();
+        let size = fitting([width.max(1), height.max(1)], &limits);
         let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("depth of occluders"),
             size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
@@ -101,6 +106,7 @@ impl CardMap {
             clip_planes: None,
             eye: Eye::Point(DVec3::NAN),
             corners: Vec::new(),
+            most_triangles: usize::try_from(limits.max_buffer_size / 36).unwrap_or(usize::MAX),
             flushed: 0,
             numbers: Vec::new(),
         }
@@ -180,7 +186,9 @@ impl OcclusionMap for CardMap {
         if !self.clip_planes.as_ref().is_some_and(|planes| occluder.is_inside(planes, transform)) {
             return;
         }
-        let triangles = occluding_triangles(occluder, transform, self.eye);
+        // Occluders beyond the greatest buffer of the device are left out.
+        let room = self.most_triangles.saturating_sub(self.corners.len() / 3);
+        let triangles = occluding_triangles(occluder, transform, self.eye).take(room);
         self.corners.extend(triangles.flatten().map(|corner| corner.to_array()));
     }
 
@@ -230,17 +238,33 @@ impl OcclusionMap for CardMap {
     }
 }
 
+/// Returns a size in pixels, halved until a texture of it and the pyramid over it are within the limits of a
+/// device.
+fn fitting(mut size: [u32; 2], limits: &wgpu::Limits) -> [u32; 2] {
+    let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
+    // The levels above the first have a third of its numbers, and a row and a column more each.
+    let numbers = |[width, height]: [u64; 2]| width * height * 4 / 3 + (width + height) * 2;
+    let fits = |size: [u32; 2]| {
+        size.iter().all(|&side| side <= limits.max_texture_dimension_2d)
+            && numbers(size.map(u64::from)) <= most / 4
+    };
+    while !fits(size) && size != [1, 1] {
+        size = size.map(|side| (side / 2).max(1));
+    }
+    size
+}
+
 /// Returns the corners of the triangles of an occluder that occlude for an eye: those whose front faces the
 /// eye, or all triangles of a two-sided mesh. Corners and eye are in metres, relative to the scene's
 /// origin. A mirroring transform takes fronts to fronts. Of a one-sided mesh, triangles that are seen
-/// edge-on, or are not finite, are left out.
+/// edge-on, or are not finite, are left out, and all if rounding leaves open whether the transform mirrors.
 fn occluding_triangles(
     occluder: &OccluderMesh,
     transform: &Affine3A,
     eye: Eye,
 ) -> impl Iterator<Item = [Vec3A; 3]> {
     // The corners of a front run counter-clockwise, and clockwise in a mirror.
-    let turn = transform.matrix3.as_dmat3().determinant().signum();
+    let turn = keeps_orientation(transform).map_or(0.0, |keeps| if keeps { 1.0 } else { -1.0 });
     let corners = |triangle: &[u32; 3]| {
         triangle.map(|corner| transform.transform_point3a(occluder.positions()[corner as usize].into()))
     };
@@ -258,6 +282,24 @@ fn occluding_triangles(
 mod tests {
     use super::*;
     use glam::Quat;
+
+    #[test]
+    fn sizes_are_within_the_limits_of_a_device() {
+        let limits = wgpu::Limits::default();
+        assert_eq!(fitting([1920, 1080], &limits), [1920, 1080], "what fits stays");
+        assert_eq!(fitting([8193, 1], &limits), [4096, 1], "a side above 8192");
+        for size in [[8192, 4096], [8192, 8192], [u32::MAX, u32::MAX], [u32::MAX, 1]] {
+            let [width, height] = fitting(size, &limits).map(u64::from);
+            let levels = std::iter::successors(Some([width, height]), |size| {
+                (*size != [1, 1]).then(|| size.map(|side| side.div_ceil(2)))
+            });
+            let bytes: u64 = levels.map(|[width, height]| 4 * width * height).sum();
+            assert!(
+                width.max(height) <= 8192 && bytes <= 1 << 27,
+                "{size:?}: {width} by {height}, {bytes} bytes"
+            );
+        }
+    }
 
     #[test]
     fn one_sided_occluders_occlude_by_the_triangles_that_face_the_eye() {

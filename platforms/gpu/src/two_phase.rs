@@ -15,6 +15,9 @@ use visibility_core::visible_set::BitsError;
 use visibility_core::{Aabb, Scene, VisibleSet};
 use wgpu::BufferUsages;
 
+/// Groups of 64 objects in a row of a dispatch, as in the shaders.
+const ROW: u32 = 65_535;
+
 /// Culls and draws in two phases, for pictures of one target.
 #[derive(Debug)]
 pub struct TwoPhaseCuller {
@@ -32,7 +35,10 @@ pub struct TwoPhaseCuller {
 }
 
 impl TwoPhaseCuller {
-    /// Creates a culler for the present objects of a scene. No object counts as visible in the last frame.
+    /// Creates a culler for the present objects of a scene, with their boxes as they are now: make another when
+    /// objects have moved. No object counts as visible in the last frame. Wgpu reports an error of validation
+    /// if the boxes, of 24 bytes each, exceed the device's `max_storage_buffer_binding_size`: by default,
+    /// above 5.5 million objects.
     pub fn new(gpu: &Gpu, scene: &Scene, meshes: &Meshes, painter: &Painter, target: &Target) -> Self {
         let count = scene.index_limit();
         let mut boxes = vec![Aabb::EMPTY; count];
@@ -54,7 +60,9 @@ impl TwoPhaseCuller {
         let [first_commands, second_commands] =
             ["first phase", "second phase"].map(|label| gpu.buffer(label, meshes.commands(), usage));
 
-        let each_object = [(count as u32).div_ceil(64), 1];
+        // A dispatch has at most 65,535 groups along each axis.
+        let groups = (count as u32).div_ceil(64);
+        let each_object = [groups.min(ROW), groups.div_ceil(ROW).max(1)];
         let first_phase = gpu.shader("first phase", include_str!("shaders/first_phase.wgsl"));
         let resources = [&candidates, &states, &first_commands, &second_commands];
         let choose = Step::new(

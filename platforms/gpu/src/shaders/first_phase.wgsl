@@ -10,7 +10,8 @@
 
 @compute @workgroup_size(64)
 fn choose(@builtin(global_invocation_id) id: vec3<u32>) {
-    let object = id.x;
+    // Rows of 65,535 groups of 64.
+    let object = id.x + id.y * 4194240u;
     if object >= arrayLength(&states) {
         return;
     }

@@ -70,7 +70,8 @@ fn is_hidden(low: vec3<f32>, high: vec3<f32>) -> bool {
 
 @compute @workgroup_size(64)
 fn test(@builtin(global_invocation_id) id: vec3<u32>) {
-    let object = id.x;
+    // Rows of 65,535 groups of 64.
+    let object = id.x + id.y * 4194240u;
     if object >= arrayLength(&states) || (candidates[object / 32u] >> (object % 32u) & 1u) == 0u {
         return;
     }
