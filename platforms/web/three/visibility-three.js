@@ -13,7 +13,7 @@
 
 import { BatchedMesh, LOD, Matrix4, Mesh, Object3D } from "three";
 import { Flag, indexOf, load } from "visibility-web";
-import { LateAnswers, LateScene, startWorker } from "visibility-web/late.js";
+import { LateAnswers, LateScene, countBits, startWorker } from "visibility-web/late.js";
 import { EMPTY, isPlacedWell, moveBox, place, skinnedBox } from "./boxes.js";
 import {
   ALL,
@@ -36,17 +36,6 @@ import { Shape, Surface, Surfaces, bonesOf, sideOf } from "./surfaces.js";
 import { setView } from "./view.js";
 
 const matrix = new Matrix4();
-
-/** Returns the number of bits that are set. */
-function countBits(words) {
-  let count = 0;
-  for (let word of words) {
-    word -= (word >>> 1) & 0x55555555;
-    word = (word & 0x33333333) + ((word >>> 2) & 0x33333333);
-    count += (((word + (word >>> 4)) & 0x0f0f0f0f) * 0x01010101) >>> 24;
-  }
-  return count;
-}
 
 /** See `visibility-three.d.ts`. */
 export class VisibilityCulling {

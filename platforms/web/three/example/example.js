@@ -1,5 +1,6 @@
 // A walk through 50,000 objects, drawn by three.js with its own culling and with `visibility-three`, side by
-// side: in turns, so that both have the same camera, and in two pictures whose pixels are compared.
+// side: in turns, so that both have the same camera, and in two pictures whose pixels are compared. Frames a second are
+// measured of one side alone.
 
 import * as THREE from "three";
 import { VisibilityCulling } from "visibility-three";
@@ -9,6 +10,10 @@ import { fillTown, pathThrough } from "./town.js";
 const AVERAGED = 20;
 const COMPARED_EVERY = 20;
 const PICTURE = { width: 640, height: 360 };
+/** Seconds of the walk, which is 21 m a second fast, that pass in a second: while it is measured, at a person's pace. */
+const [PACE, MEASURED_PACE] = [1, 1.5 / 21];
+/** Distance and angle from its camera up to which an answer of the worker is used. */
+const WORKER = { metres: 1, degrees: 12 };
 
 const element = (id) => document.getElementById(id);
 const query = new URLSearchParams(location.search);
@@ -20,7 +25,7 @@ const fail = (error) => {
 };
 /** For tests: what the page shows. `wrong` is the number of pixels that differ, in all comparisons so far. */
 const state = { errors: 0, frames: 0, compared: 0, wrong: 0, three: {}, visibility: {} };
-window.example = { state, goTo: (at) => ((time = at), (element("walk").checked = false)) };
+window.example = { state, goTo: (at) => ((time = at), (element("walk").checked = false)), choose, measure, compareWithout };
 addEventListener("error", ({ error }) => fail(error));
 addEventListener("unhandledrejection", ({ reason }) => fail(reason));
 
@@ -37,8 +42,16 @@ let scene,
   time = 0,
   last = performance.now();
 
-async function build(kind) {
+/** Chooses how the objects are made, and whether the z-buffer is drawn in a worker. */
+function choose(kind, inWorker) {
+  element("kind").value = kind;
+  element("culling").value = inWorker ? "worker" : "on";
+  return build(kind, inWorker);
+}
+
+async function build(kind, inWorker = element("culling").value === "worker") {
   culling?.dispose();
+  culling = null;
   scene = new THREE.Scene();
   scene.background = new THREE.Color(0x9db8cc);
   scene.fog = new THREE.Fog(0x9db8cc, 100, 900);
@@ -50,12 +63,13 @@ async function build(kind) {
   scene.add(sun, sun.target, new THREE.HemisphereLight(0xcfe4ff, 0x665544, 1.2));
   fillTown(scene, COUNT, kind);
   // This line is all that a program needs.
-  culling = new VisibilityCulling(scene, camera, query.has("worker") ? { worker: {} } : {});
+  const made = new VisibilityCulling(scene, camera, inWorker ? { worker: WORKER } : {});
   // The map shows what that camera sees.
-  culling.addCamera(map, camera);
-  await culling.ready;
-  for (const side of ["three", "visibility"]) state[side] = { times: [], cullingTimes: [] };
-  Object.assign(state, { frames: 0, compared: 0, wrong: 0, kind });
+  made.addCamera(map, camera);
+  await made.ready;
+  for (const side of ["three", "visibility"]) state[side] = { times: [], cullingTimes: [], fps: null };
+  Object.assign(state, { frames: 0, compared: 0, wrong: 0, kind, inWorker });
+  culling = made;
 }
 
 /** Adds a time to a list, and returns the average of the last ones. */
@@ -78,10 +92,59 @@ function draw(side) {
   counts.triangles = renderer.info.render.triangles;
 }
 
-/** Number of pixels that differ between the picture with everything and that without what is hidden. */
-function compare() {
+/** What is measured at present: one side alone, with the times of its frames. */
+let measured = null;
+
+/** Walks on and draws one side alone for so many seconds: `fps`, with each picture waited for, and CPU ms. */
+function measure(side, seconds) {
+  return new Promise((resolve) => (measured = { side, seconds, resolve, begun: null, times: [], late: 0 }));
+}
+
+function drawMeasured() {
+  const { side, seconds, times } = measured;
+  culling.enabled = side === "visibility";
+  const start = performance.now();
+  renderer.render(scene, camera);
+  times.push(performance.now() - start);
+  // Reading a pixel waits for the picture.
+  const gl = renderer.getContext();
+  gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+  // Shaders and buffers come with the first frame.
+  if (measured.begun === null) {
+    [measured.begun, measured.times] = [performance.now(), []];
+    return;
+  }
+  if (culling.stats.late && !culling.stats.late.isUsed) measured.late++;
+  const elapsed = (performance.now() - measured.begun) / 1000;
+  if (elapsed < seconds) return;
+  const { calls, triangles } = renderer.info.render;
+  const { hidden, followMs, cullMs, applyMs } = culling.stats;
+  const ms = times.slice().sort((a, b) => a - b)[times.length >> 1];
+  const fps = times.length / elapsed;
+  state[side].fps = fps;
+  const { late, resolve } = measured;
+  measured = null;
+  resolve({ fps, ms, calls, triangles, hidden, frames: times.length, late, cullingMs: followMs + cullMs + applyMs });
+}
+
+/** Number of pixels that differ if an object is left out by mistake as well: for tests that mistakes are seen. */
+function compareWithout(name) {
+  const before = state.wrong;
+  compare((isCulled) => {
+    const object = scene.getObjectByName(name);
+    object.visible = !isCulled;
+  });
+  scene.getObjectByName(name).visible = true;
+  const found = state.wrong - before;
+  state.wrong = before;
+  return found;
+}
+
+/** Counts pixels that differ between the picture with everything and that without what is hidden. */
+function compare(spoil = () => {}) {
   const pixels = pictures.map((target, i) => {
     culling.enabled = i === 1;
+    spoil(i === 1);
     renderer.setRenderTarget(target);
     renderer.render(scene, camera);
     const bytes = new Uint8Array(4 * PICTURE.width * PICTURE.height);
@@ -106,6 +169,7 @@ const number = (count) => count.toLocaleString("en");
 
 function show() {
   const rows = [
+    ["frames a second", ({ fps }) => (fps ? fps.toFixed(1) : "–")],
     ["CPU ms a frame", ({ ms }) => ms.toFixed(1)],
     ["draw calls", ({ calls }) => number(calls)],
     ["triangles", ({ triangles }) => number(triangles)],
@@ -130,7 +194,7 @@ function show() {
 function frame(now) {
   requestAnimationFrame(frame);
   if (!culling) return;
-  if (element("walk").checked) time += Math.min(now - last, 100) / 1000;
+  if (element("walk").checked) time += ((measured ? MEASURED_PACE : PACE) * Math.min(now - last, 100)) / 1000;
   last = now;
   const { clientWidth, clientHeight } = renderer.domElement;
   if (renderer.domElement.width !== clientWidth || renderer.domElement.height !== clientHeight)
@@ -142,8 +206,9 @@ function frame(now) {
   const sun = scene.children.find((child) => child.isDirectionalLight);
   sun.target.position.copy(camera.position);
   sun.position.copy(camera.position).add(new THREE.Vector3(60, 120, 40));
+  if (measured) return drawMeasured();
   // The side that is looked at is drawn last. The other is drawn now and then, for its counters.
-  const chosen = element("culling").value === "on" ? "visibility" : "three";
+  const chosen = element("culling").value === "off" ? "three" : "visibility";
   if (state.frames % COMPARED_EVERY === 0) compare();
   if (state.frames % 2 === 0) draw(chosen === "three" ? "visibility" : "three");
   draw(chosen);
@@ -153,6 +218,16 @@ function frame(now) {
 }
 
 element("kind").value = query.get("kind") ?? "meshes";
-element("kind").onchange = () => build(element("kind").value).catch(fail);
+element("culling").value = query.has("worker") ? "worker" : "on";
+const rebuild = () => build(element("kind").value).catch(fail);
+element("kind").onchange = rebuild;
+element("culling").onchange = () => {
+  if (state.inWorker !== (element("culling").value === "worker")) rebuild();
+};
+element("measure").onclick = async () => {
+  element("measure").disabled = true;
+  for (const side of ["three", "visibility"]) await measure(side, 4);
+  element("measure").disabled = false;
+};
 await build(element("kind").value);
 requestAnimationFrame(frame);

@@ -96,6 +96,7 @@ export function fillTown(scene, count, as) {
   const ground = add(
     new THREE.Mesh(new THREE.PlaneGeometry(size, size).rotateX(-Math.PI / 2), material(0x77746c)),
   );
+  ground.name = "ground";
   ground.position.y = -0.01;
 }
 
