@@ -106,6 +106,9 @@ async function instantiate(source) {
   }
   const response = await fetch(source);
   if (!response.ok) throw new Error(`cannot fetch ${source}: status ${response.status}`);
+  // Compiled while it comes, where the host says what it is.
+  if (response.headers?.get("content-type") === "application/wasm" && WebAssembly.instantiateStreaming)
+    return WebAssembly.instantiateStreaming(response, {});
   return WebAssembly.instantiate(await response.arrayBuffer(), {});
 }
 

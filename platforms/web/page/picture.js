@@ -27,7 +27,9 @@ import { Shade } from "./shade.js";
 
 const COLORS = { seen: "#ffd166", hidden: "#ff7a45", outside: "#5b7fa6", baked: "#8fd694" };
 /** Colours, from above, of what a box sees: hidden by the sweep, proven hidden, not decided, seen by a ray. */
-const OF_BOX = { swept: "#7c3f22", proven: "#b5489f", open: "#c9c04a", ray: "#3fa796" };
+const OF_BOX = { swept: "#8f4a2a", proven: "#b5489f", open: "#c9c04a", ray: "#3fa796" };
+/** How far the map's middle is ahead of the eye, as a part of half its height. */
+const AHEAD_PART = 0.4;
 const SKY = new Color("#b9cfe0");
 const GROUND = new Color("#12161b");
 
@@ -61,7 +63,10 @@ export class Picture {
       hidden: new MeshLambertMaterial({ color: "#c25a30", side: DoubleSide }),
       outside: new MeshLambertMaterial({ color: "#455970", side: DoubleSide }),
       ...Object.fromEntries(
-        Object.entries(OF_BOX).map(([name, color]) => [name, new MeshLambertMaterial({ color, side: DoubleSide })]),
+        Object.entries(OF_BOX).map(([name, color]) => {
+          const light = { emissive: color, emissiveIntensity: 0.3 };
+          return [name, new MeshLambertMaterial({ color, side: DoubleSide, ...light })];
+        }),
       ),
     };
     this.outlines = new Outlines(COLORS);
@@ -182,8 +187,11 @@ export class Picture {
 
   #lookDown(camera, height) {
     const { map } = this;
-    const [x, y, z] = camera.eye;
     const half = height / 2;
+    // The eye is below the middle of what it looks at: what is behind it has less room.
+    const { ahead } = basisOf(camera);
+    const y = camera.eye[1];
+    const [x, z] = [0, 2].map((k) => camera.eye[k] + half * AHEAD_PART * ahead[k]);
     // A cut a little above the eye, so that one looks into rooms; above all roofs, if the eye is.
     map.position.set(x, y + this.size / 400, z);
     map.up.set(0, 0, -1);
