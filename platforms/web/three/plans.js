@@ -20,6 +20,8 @@ const MOST_CELLS = 1 << 14;
 /** Greatest number of lines along each axis that divide the cells of a plan for `whoSees`. */
 const MOST_LINES = 64;
 
+const ORIGIN = [0, 0, 0];
+
 let library = null;
 
 /** Returns the whole library, loaded once. */
@@ -81,10 +83,13 @@ function cut(mesh, height, walls) {
   const matrix = new Matrix4();
   const isTurned = object.matrixWorld.determinant() < 0 !== (surface === Surface.Back);
   const read = new Map();
+  const bounds = new Float64Array(6);
   for (let i = 0; i < count; i++) {
     const shape = many?.shapes ? many.shapes[i] : mesh.shape;
     if (!shape) continue;
-    place(mesh, i, matrix);
+    const margin = place(mesh, i, matrix);
+    if (shape.box) moveBox(bounds, 0, shape.box, matrix.elements, ORIGIN, margin);
+    if (shape.box === null || bounds[4] < height || bounds[1] > height) continue;
     if (!read.has(shape)) read.set(shape, trianglesOf(shape, Infinity));
     const triangles = read.get(shape);
     if (triangles === null || !matrix.elements.every(Number.isFinite)) continue;

@@ -170,6 +170,17 @@ export class Shape {
     );
   }
 
+  /** Number of triangles, if they can be read. */
+  get triangleCount() {
+    const { range, index, position } = this;
+    return Math.floor((range ?? index ?? position)?.count / 3) || 0;
+  }
+
+  /** Whether it is known which occluder mesh there is for a surface. */
+  isMade(surface) {
+    return this.#meshes.has(surface);
+  }
+
   /** Returns the id of the occluder mesh for a surface, or null if there is none. */
   mesh(scene, surface, maxTriangles) {
     let mesh = this.#meshes.get(surface);
