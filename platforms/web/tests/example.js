@@ -1,15 +1,16 @@
 // Walks through the example of 50,000 objects in headless Chromium: by three.js alone, with the culling, and with the
 // culling in a worker. Prints a table, and fails if a pixel is wrong, or if a ground that is left out is not noticed.
 //
-// Usage: node tests/example.js [COUNT [SECONDS]]: objects, and seconds of each measurement. Ends with status 77 where a
-// browser or three.js is missing.
+// Usage: node tests/example.js [COUNT [SECONDS [KIND...]]]: objects, seconds of each measurement, and `meshes`,
+// `instances` or `batch`: all by default. Ends with status 77 where a browser or three.js is missing.
 
 import assert from "node:assert/strict";
 import { access } from "node:fs/promises";
 import { launch } from "./chromium.js";
 import { serve } from "./serve.js";
 
-const [count = "2000", seconds = "1"] = process.argv.slice(2);
+const [count = "2000", seconds = "1", ...chosen] = process.argv.slice(2);
+const kinds = chosen.length > 0 ? chosen : ["meshes", "instances", "batch"];
 const VIEWPORT = { width: 960, height: 540 };
 const PATIENCE = 300000;
 const three = "../node_modules/three/build/three.module.js";
@@ -32,9 +33,9 @@ try {
   page.on("pageerror", ({ message }) => complaints.push(message));
   page.on("console", (message) => message.type() === "error" && complaints.push(message.text()));
   await page.setViewport(VIEWPORT);
-  await page.goto(new URL(`../three/example/?count=${count}&three=${three}`, server.address).href);
+  await page.goto(new URL(`../three/example/?count=${count}&kind=${kinds[0]}&three=${three}`, server.address).href);
   await page.waitForFunction("window.example?.state.frames > 0", { timeout: PATIENCE });
-  for (const kind of ["meshes", "instances", "batch"]) {
+  for (const kind of kinds) {
     for (const inWorker of [false, true]) {
       const at = `${kind}${inWorker ? ", in a worker" : ""}`;
       await page.evaluate(`example.choose("${kind}", ${inWorker})`);

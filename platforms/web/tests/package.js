@@ -635,6 +635,13 @@ test("the README's program runs", async () => {
   const names = { Depth, Flag, indexOf, load, console: { log: (line) => lines.push(line) } };
   await new AsyncFunction(...Object.keys(names), body)(...Object.values(names));
   assert.deepEqual(lines, ["draw object 0", "object 1 is behind the wall"]);
+  const [, plans] = readme.match(/^```js\n(const plan =[\s\S]*?)^```$/m);
+  const visibility = await load();
+  const scene = visibility.createScene();
+  scene.insert({ bounds: WALL });
+  const given = { Opacity, visibility, scene, triangles: [4, -9, -9, 4, 9, -9, 4, 9, 9] };
+  const made = await new AsyncFunction(...Object.keys(given), `${plans}; return { plan, level };`)(...Object.values(given));
+  assert.deepEqual([made.plan.sees([0, 0], [9, 5]), made.level.bytes.length > 50], [true, true]);
 });
 
 test("the declaration names what there is", async () => {

@@ -23,8 +23,8 @@ export interface PlanOptions {
   /** Height of the cut: 0 by default. */
   height?: number;
   /**
-   * Side of the cells that `whoSees` divides rooms into: at least, and by default, a 64th of the plan's greater side.
-   * Smaller cells leave out more, and take longer.
+   * Side of the cells that `whoSees` divides rooms into: a 16th of the plan's greater side by default, a 64th at least.
+   * Smaller cells leave out more, and take longer: not much smaller than the boxes and margins of the movers.
    */
   grid?: number;
 }

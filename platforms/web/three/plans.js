@@ -17,8 +17,8 @@ const AXES = [0, 2];
 const MOST_TRIANGLES = 1 << 14;
 /** Greatest number of cells of `CellSight`: each takes a sweep, and a bit for each other. */
 const MOST_CELLS = 1 << 14;
-/** Greatest number of lines along each axis that divide the cells of a plan for `whoSees`. */
-const MOST_LINES = 64;
+/** Lines along each axis that divide the cells of a plan for `whoSees`: unless told otherwise, and at most. */
+const [USUAL_LINES, MOST_LINES] = [16, 64];
 
 const ORIGIN = [0, 0, 0];
 
@@ -238,7 +238,8 @@ export class ScenePlan {
     if (ends.length === 0) return [];
     const [low, high] = [Math.min, Math.max].map((pick) => AXES.map((_, k) => ends.reduce((a, end) => pick(a, end[k]), ends[0][k])));
     const sizes = AXES.map((_, k) => high[k] - low[k]);
-    const side = Math.max(this.#grid ?? 0, Math.max(...sizes) / MOST_LINES) || 1;
+    const most = Math.max(...sizes);
+    const side = Math.max(this.#grid ?? most / USUAL_LINES, most / MOST_LINES) || 1;
     return AXES.flatMap((_, k) =>
       Array.from({ length: Math.floor(sizes[k] / side) }, (_, i) => {
         const at = low[k] + (i + 0.5) * side;

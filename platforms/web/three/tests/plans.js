@@ -1,6 +1,7 @@
 // Tests of plans and of who sees whom: three.js' own `Raycaster`, which shares no code with them, says what a line meets.
 
 import assert from "node:assert/strict";
+import { readFile } from "node:fs/promises";
 import test from "node:test";
 import * as THREE from "three";
 import { load } from "visibility-web";
@@ -71,10 +72,10 @@ function yard(random) {
 test("sight lines of a plan are those of three.js' raycaster", async () => {
   const random = randomOf(5);
   const counts = [0, 0];
-  for (let world = 0; world < 12; world++) {
+  for (let world = 0; world < 6; world++) {
     const { scene, hiding } = yard(random);
     const plan = await ScenePlan.of(scene, { height: HEIGHT, visibility });
-    for (let pair = 0; pair < 300; pair++) {
+    for (let pair = 0; pair < 150; pair++) {
       const [a, b] = [0, 1].map(() => at(44 * random() - 22, 44 * random() - 22));
       const expected = isClear(hiding, a, b);
       assert.equal(plan.sees(a, b), expected, `world ${world}, pair ${pair}: ${a.toArray()} to ${b.toArray()}`);
@@ -82,18 +83,18 @@ test("sight lines of a plan are those of three.js' raycaster", async () => {
     }
     plan.dispose();
   }
-  assert.ok(counts[0] > 500 && counts[1] > 500, `blocked and clear: ${counts}`);
+  assert.ok(counts[0] > 100 && counts[1] > 100, `blocked and clear: ${counts}`);
 });
 
 test("an eye sees the points of its polygon and no others", async () => {
   const random = randomOf(9);
   const counts = [0, 0];
-  for (let world = 0; world < 6; world++) {
+  for (let world = 0; world < 4; world++) {
     const { scene, hiding } = yard(random);
     const plan = await ScenePlan.of(scene, { height: HEIGHT, visibility });
     const eye = at(30 * random() - 15, 30 * random() - 15);
     const area = new THREE.Mesh(plan.geometry(eye, { range: 25 }), new THREE.MeshBasicMaterial());
-    for (let point = 0; point < 200; point++) {
+    for (let point = 0; point < 150; point++) {
       const to = at(30 * random() - 15, 30 * random() - 15);
       // From above, as it is drawn.
       const isIn = new THREE.Raycaster(at(to.x, to.z, 9), new THREE.Vector3(0, -1, 0)).intersectObject(area).length > 0;
@@ -104,7 +105,7 @@ test("an eye sees the points of its polygon and no others", async () => {
     }
     plan.dispose();
   }
-  assert.ok(counts[0] > 100 && counts[1] > 100, `unseen and seen: ${counts}`);
+  assert.ok(counts[0] > 50 && counts[1] > 50, `unseen and seen: ${counts}`);
 });
 
 /** Two rooms with a door between them, at x = 0, in the wall along z. */
@@ -151,7 +152,7 @@ test("who sees whom on a plan hides nobody whom a ray reaches", async () => {
   scene.remove(door);
   const plan = await ScenePlan.of(scene, { height: HEIGHT, visibility });
   const hiding = [...scene.children];
-  const movers = Array.from({ length: 60 }, () => at(19 * random() - 9.5, 9.5 * random() - 4.75));
+  const movers = Array.from({ length: 40 }, () => at(19 * random() - 9.5, 9.5 * random() - 4.75));
   const inside = movers.filter((mover) => Math.abs(mover.x) > 0.2);
   const who = plan.whoSees(inside);
   const counts = [0, 0, 0];
@@ -162,7 +163,7 @@ test("who sees whom on a plan hides nobody whom a ray reaches", async () => {
       assert.ok(who.sees(a, b) || !isReached, `${a.toArray()} sees ${b.toArray()}`);
       counts[who.sees(a, b) ? (isReached ? 0 : 1) : 2]++;
     }
-  assert.ok(counts[0] > 500 && counts[2] > 500, `seen, not excluded, excluded: ${counts}`);
+  assert.ok(counts[0] > 200 && counts[2] > 200, `seen, not excluded, excluded: ${counts}`);
 });
 
 test("cells see over a low wall where the plan does not, and not through a high one", async () => {
@@ -195,7 +196,7 @@ test("cells see over a low wall where the plan does not, and not through a high 
 
 test("polygons make a plan; bodies count with their boxes", async () => {
   const square = [at(-1, -1), at(1, -1), at(1, 1), at(-1, 1)];
-  const plan = await ScenePlan.ofPolygons([square, [[3, -1], [4, -1], [4, 1]]], { height: 2, visibility });
+  const plan = await ScenePlan.ofPolygons([square, [[3, -1], [4, -1], [4, 1]]], { height: 2, grid: 0.1, visibility });
   assert.equal(plan.walls.length, 7);
   assert.deepEqual([plan.sees(at(-3, 0), at(2, 0)), plan.sees(at(-3, 2), at(2, 2))], [false, true]);
   assert.ok(plan.polygon(at(-3, 0)).every(({ y }) => y === 2));
@@ -229,4 +230,19 @@ test("the example dims thieves whom no guard may see", async () => {
   guard.updateMatrixWorld();
   update();
   assert.deepEqual([near, far].map(({ material }) => material.opacity), [0.3, 1]);
+});
+
+test("the README's program runs", async () => {
+  const readme = await readFile(new URL("../README.md", import.meta.url), "utf8");
+  const [, program] = readme.match(/^```js\n(import { ScenePlan }[\s\S]*?)^```$/m);
+  const { scene, door } = rooms();
+  const [guard, thief] = [at(-5, 0), at(5, 0)];
+  const warned = [];
+  const given = { THREE, ScenePlan, scene, door, guard, thief, guards: [guard], thieves: [thief] };
+  Object.assign(given, { yellow: new THREE.MeshBasicMaterial(), warn: (who) => warned.push(who) });
+  const AsyncFunction = (async () => {}).constructor;
+  const body = program.replace(/^import .*$/m, "");
+  await new AsyncFunction(...Object.keys(given), body)(...Object.values(given));
+  assert.deepEqual(warned, [thief], "the door is open");
+  assert.ok(scene.children.at(-1).geometry.index.count >= 12, "the floor that the guard sees");
 });
