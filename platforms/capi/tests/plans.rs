@@ -257,7 +257,7 @@ fn casters_are_those_whose_shadow_falls_into_view() {
         unknown.kind = 3;
         returns(vis_pipeline_add_casters(pipeline, &raw const unknown), VIS_ERROR_ARGUMENT);
         returns(
-            vis_pipeline_add_casters(pipeline, &raw const light(VIS_LIGHT_DIRECTIONAL, [0.0; 3], 1.0)),
+            vis_pipeline_add_casters(pipeline, &light(VIS_LIGHT_DIRECTIONAL, [0.0; 3], 1.0)),
             VIS_ERROR_ARGUMENT,
         );
     }

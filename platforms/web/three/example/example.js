@@ -12,6 +12,8 @@ const COMPARED_EVERY = 20;
 const PICTURE = { width: 640, height: 360 };
 /** Seconds of the walk, which is 21 m a second fast, that pass in a second: while it is measured, at a person's pace. */
 const [PACE, MEASURED_PACE] = [1, 1.5 / 21];
+/** Frames that a measurement waits for the worker's first answer. */
+const MOST_AWAITED = 8;
 /** Distance and angle from its camera up to which an answer of the worker is used. */
 const WORKER = { metres: 1, degrees: 12 };
 
@@ -25,7 +27,7 @@ const fail = (error) => {
 };
 /** For tests: what the page shows. `wrong` is the number of pixels that differ, in all comparisons so far. */
 const state = { errors: 0, frames: 0, compared: 0, wrong: 0, three: {}, visibility: {} };
-window.example = { state, goTo: (at) => ((time = at), (element("walk").checked = false)), choose, measure, compareWithout };
+window.example = { state, goTo: (at) => ((time = at), (element("walk").checked = false)), choose, measure, compare, compareWithout };
 addEventListener("error", ({ error }) => fail(error));
 addEventListener("unhandledrejection", ({ reason }) => fail(reason));
 
@@ -109,7 +111,9 @@ function drawMeasured() {
   // Reading a pixel waits for the picture.
   const gl = renderer.getContext();
   gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
-  // Shaders and buffers come with the first frame.
+  // Shaders and buffers come with the first frame, the worker's first answer some frames later.
+  const isWaiting = culling.enabled && culling.stats.late?.isUsed === false && times.length < MOST_AWAITED;
+  if (measured.begun === null && isWaiting) return;
   if (measured.begun === null) {
     [measured.begun, measured.times] = [performance.now(), []];
     return;
@@ -129,14 +133,12 @@ function drawMeasured() {
 
 /** Number of pixels that differ if an object is left out by mistake as well: for tests that mistakes are seen. */
 function compareWithout(name) {
-  const before = state.wrong;
-  compare((isCulled) => {
-    const object = scene.getObjectByName(name);
-    object.visible = !isCulled;
-  });
-  scene.getObjectByName(name).visible = true;
-  const found = state.wrong - before;
-  state.wrong = before;
+  const before = { wrong: state.wrong, compared: state.compared };
+  const object = scene.getObjectByName(name);
+  compare((isCulled) => (object.visible = !isCulled));
+  object.visible = true;
+  const found = state.wrong - before.wrong;
+  Object.assign(state, before);
   return found;
 }
 
@@ -193,7 +195,8 @@ function show() {
 
 function frame(now) {
   requestAnimationFrame(frame);
-  if (!culling) return;
+  // `?paused` draws what is measured alone.
+  if (!culling || (query.has("paused") && !measured)) return;
   if (element("walk").checked) time += ((measured ? MEASURED_PACE : PACE) * Math.min(now - last, 100)) / 1000;
   last = now;
   const { clientWidth, clientHeight } = renderer.domElement;
