@@ -53,18 +53,18 @@ fn a_plan_tells_what_an_eye_sees() {
         assert!(ray(eye).point[0].is_nan(), "a ray without a direction");
         let polygon = |range| {
             let corners = list(0.0, |to, room, count| {
-                vis_plan_visibility_polygon(plan, eye.as_ptr(), range, to, room, count)
+                vis_plan_visibility_polygon(plan, [7.0, 0.0].as_ptr(), range, to, room, count)
             });
             let corners: Vec<[f64; 2]> = corners.chunks(2).map(|corner| [corner[0], corner[1]]).collect();
             let next = corners.iter().cycle().skip(1);
             let doubled: f64 = corners.iter().zip(next).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum();
             (corners, doubled / 2.0)
         };
-        // The rectangle is 1 m around the walls, but holds the eye only if it is within: an eye beyond sees to its range.
-        let (corners, area) = polygon(3.0);
-        let circle = std::f64::consts::PI * 9.0;
-        assert!(area > 0.9 * circle && area <= circle, "area {area} of a circle of 3 m: {corners:?}");
-        assert!(corners.iter().all(|[x, y]| x.hypot(*y) < 3.0001), "{corners:?}");
+        // Between the walls, 2 m from both.
+        let (corners, area) = polygon(1.5);
+        let circle = std::f64::consts::PI * 1.5 * 1.5;
+        assert!(area > 0.9 * circle && area <= circle, "area {area} of a circle of 1.5 m: {corners:?}");
+        assert!(corners.iter().all(|[x, y]| (x - 7.0).hypot(*y) < 1.5001), "{corners:?}");
         // From a region that is wider than the first wall, both are seen; from a point one is.
         let from = |points: &[f64]| {
             list(0, |to, room, count| {
@@ -94,7 +94,7 @@ fn street() -> (*mut vis_scene, [u64; 3]) {
     ];
     let mut descs = boxes.map(|(min, max)| vis_object_default(vis_box { min, max }));
     descs[0].flags = VIS_OBJECT_OCCLUDER;
-    descs[2].layers = 2;
+    (descs[1].layers, descs[2].layers) = (1, 2);
     let (mut ids, mut mesh) = ([0; 3], 0);
     let side = |y: f32, z: f32| [5.0, y, z];
     let triangles = [
@@ -183,7 +183,11 @@ fn queries_find_objects_by_ray_and_box() {
             VIS_NO_OBJECT,
             "a ray that ends before the wall"
         );
-        assert_eq!(first(along, 99.0, 2).object, VIS_NO_OBJECT, "a ray on the layer of the lamp beside");
+        assert_eq!(first([0.0, 0.0, 1.0], 99.0, VIS_ALL_LAYERS).object, VIS_NO_OBJECT, "a ray upwards");
+        let on_layer = list(none, |to, room, count| {
+            vis_scene_ray_hits(scene, origin.as_ptr(), along.as_ptr(), 99.0, 2, to, room, count)
+        });
+        assert_eq!(on_layer.len(), 1, "the wall is on all layers, the lamp on another: {on_layer:?}");
         let hits = list(none, |to, room, count| {
             vis_scene_ray_hits(scene, origin.as_ptr(), along.as_ptr(), 99.0, VIS_ALL_LAYERS, to, room, count)
         });
