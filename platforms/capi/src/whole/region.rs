@@ -26,7 +26,7 @@ unsafe fn viewcell(min: *const f64, max: *const f64) -> Result<Viewcell, Error> 
 }
 
 fn set(words: &mut [u32], id: ObjectId) {
-    let index = id.index() as usize;
+    let index = id.index();
     if let Some(word) = words.get_mut(index / 32) {
         *word |= 1 << (index % 32);
     }

@@ -41,7 +41,7 @@ const pictures = ["three", "visibility"].map(
 
 let scene,
   culling,
-  time = 0,
+  time = 4,
   last = performance.now();
 
 /** Chooses how the objects are made, and whether the z-buffer is drawn in a worker. */
@@ -62,7 +62,7 @@ async function build(kind, inWorker = element("culling").value === "worker") {
   sun.castShadow = true;
   Object.assign(sun.shadow.camera, { left: -60, right: 60, top: 60, bottom: -60, far: 300 });
   sun.shadow.mapSize.set(1024, 1024);
-  scene.add(sun, sun.target, new THREE.HemisphereLight(0xcfe4ff, 0x665544, 1.2));
+  scene.add(sun, sun.target, new THREE.HemisphereLight(0xdfeaf5, 0x8a7d6e, 2.4));
   fillTown(scene, COUNT, kind);
   // This line is all that a program needs.
   const made = new VisibilityCulling(scene, camera, inWorker ? { worker: WORKER } : {});
@@ -220,6 +220,7 @@ function frame(now) {
   show();
 }
 
+element("count").textContent = number(COUNT);
 element("kind").value = query.get("kind") ?? "meshes";
 element("culling").value = query.has("worker") ? "worker" : "on";
 const rebuild = () => build(element("kind").value).catch(fail);
