@@ -297,8 +297,8 @@ typedef struct vis_wall_hit {
   // Where the ray ends: the plan's x and y. NaN for a ray without a direction, or one that does not enter
   // the rectangle around the plan.
   double point[2];
-  // Number of the wall that stops the ray. `VIS_NO_WALL` if none does: the point is on the rectangle around
-  // the plan.
+  // Number of the wall that stops the ray. `VIS_NO_WALL` if none does: the point is on the rectangle
+  // around the plan.
   uint32_t wall;
 } vis_wall_hit;
 
@@ -787,7 +787,8 @@ enum vis_status vis_level_write(const struct vis_level *level,
                                 size_t capacity,
                                 size_t *count);
 
-// Destroys the occluders of a level; pipelines that use them keep them alive. Does nothing for a null pointer.
+// Destroys the occluders of a level; pipelines that use them keep them alive. Does nothing for a null
+// pointer.
 void vis_level_destroy(struct vis_level *level);
 
 // Creates a renderer with an image of `width` by `height` pixels.
@@ -877,16 +878,16 @@ enum vis_status vis_plan_set_opacity(struct vis_plan *plan, uint32_t wall, uint3
 // from `a` to `b` before its end. Exact for the given numbers. A point on a wall sees both of its sides.
 enum vis_status vis_plan_sees(const struct vis_plan *plan, const double *a, const double *b, bool *sees);
 
-// Writes where a ray from `eye` through the point `through`, 2 coordinates each, ends: at the first wall that
-// stops sight, or at the rectangle around the plan.
+// Writes where a ray from `eye` through the point `through`, 2 coordinates each, ends: at the first wall
+// that stops sight, or at the rectangle around the plan.
 enum vis_status vis_plan_ray(const struct vis_plan *plan,
                              const double *eye,
                              const double *through,
                              struct vis_wall_hit *hit);
 
 // Writes the corners of what an eye sees, counter-clockwise, 2 coordinates each; `capacity` and `count` are
-// numbers of coordinates. `eye` is the plan's x and y, `range` the greatest distance, infinite for none; arcs
-// become chords inside of them. A null or too short buffer is handled as in `vis_visible_ids`.
+// numbers of coordinates. `eye` is the plan's x and y, `range` the greatest distance, infinite for none;
+// arcs become chords inside of them. A null or too short buffer is handled as in `vis_visible_ids`.
 enum vis_status vis_plan_visibility_polygon(const struct vis_plan *plan,
                                             const double *eye,
                                             double range,
@@ -903,9 +904,9 @@ enum vis_status vis_plan_visible_walls(const struct vis_plan *plan,
                                        size_t capacity,
                                        size_t *count);
 
-// Writes the numbers of the walls that can be seen from somewhere in the convex hull of points, 2 coordinates
-// each, ascending. The points are within the rectangle around the plan. Sight from within the region, on its
-// side of walls that cross it, is exact.
+// Writes the numbers of the walls that can be seen from somewhere in the convex hull of points, 2
+// coordinates each, ascending. The points are within the rectangle around the plan. Sight from within the
+// region, on its side of walls that cross it, is exact.
 enum vis_status vis_plan_walls_seen_from_region(const struct vis_plan *plan,
                                                 const double *points,
                                                 size_t point_count,
@@ -1018,11 +1019,11 @@ enum vis_status vis_scene_in_box(const struct vis_scene *scene,
                                  size_t capacity,
                                  size_t *count);
 
-// Writes which objects can be seen from a box of the world, by a sweep of it over the occluders, their meshes
-// and flags as in a frame: bit `index % 32` of word `index / 32` is clear if the object is hidden from all
-// points of the box, and if there is no object of this index. `min` and `max` are the corners of the box, 3
-// finite coordinates each. Conservative. Takes milliseconds to a second. A null or too short `words` is
-// handled as in `vis_visible_ids`; null takes no time.
+// Writes which objects can be seen from a box of the world, by a sweep of it over the occluders, their
+// meshes and flags as in a frame: bit `index % 32` of word `index / 32` is clear if the object is hidden
+// from all points of the box, and if there is no object of this index. `min` and `max` are the corners of
+// the box, 3 finite coordinates each. Conservative. Takes milliseconds to a second. A null or too short
+// `words` is handled as in `vis_visible_ids`; null takes no time.
 enum vis_status vis_scene_seen_from(const struct vis_scene *scene,
                                     const double *min,
                                     const double *max,
@@ -1031,14 +1032,14 @@ enum vis_status vis_scene_seen_from(const struct vis_scene *scene,
                                     size_t *count);
 
 // Decides for each object whether it can be seen from a box of the world, by rays and proofs among the
-// triangles of `vis_scene_set_triangles`. Writes two bits for each index: bit `index % 32` of word
-// `index / 32` is set if a line of sight to the object was found; the bit in the second half of the words is
-// set if the object is proven hidden from all points of the box. Neither is set for objects that are not
-// decided. An object without triangles is its bounds: no line of sight to it is found, and it hides nothing. With a `clearance` of 0, an object
-// is hidden if every segment to it touches an occluder; with a clearance in metres, also if gaps between
-// occluders are narrower than 12 clearances. The work ends after `most_steps` rays and pieces of searches,
-// some microseconds each; 0 for no end, which may take minutes. A null or too short `words` is handled as in
-// `vis_visible_ids`; null takes no time.
+// triangles of `vis_scene_set_triangles`. Writes two bits for each index: bit `index % 32` of word `index /
+// 32` is set if a line of sight to the object was found; the bit in the second half of the words is set if
+// the object is proven hidden from all points of the box. Neither is set for objects that are not decided.
+// An object without triangles is its bounds: no line of sight to it is found, and it hides nothing. With a
+// `clearance` of 0, an object is hidden if every segment to it touches an occluder; with a clearance in
+// metres, also if gaps between occluders are narrower than 12 clearances. The work ends after `most_steps`
+// rays and pieces of searches, some microseconds each; 0 for no end, which may take minutes. A null or too
+// short `words` is handled as in `vis_visible_ids`; null takes no time.
 enum vis_status vis_scene_prove_from(const struct vis_scene *scene,
                                      const double *min,
                                      const double *max,

@@ -1,5 +1,5 @@
-//! Tests of plans, regions, proofs, queries, casters and occluders of levels through the C interface. The answers are
-//! worked out by hand: a wall, what is before it, behind it and beside it.
+//! Tests of plans, regions, proofs, queries, casters and occluders of levels through the C interface. The
+//! answers are worked out by hand: a wall, what is before it, behind it and beside it.
 
 mod common;
 
@@ -84,7 +84,8 @@ fn a_plan_tells_what_an_eye_sees() {
     }
 }
 
-/// Creates a scene of a wall at x = 5, a lamp behind it, and a lamp far beside it. The wall has a mesh and triangles.
+/// Creates a scene of a wall at x = 5, a lamp behind it, and a lamp far beside it. The wall has a mesh and
+/// triangles.
 fn street() -> (*mut vis_scene, [u64; 3]) {
     let scene = make(vis_scene_create);
     let boxes = [

@@ -210,7 +210,8 @@ export class Culling {
    */
   async lookFromBox(eye, half, progress) {
     const { lists } = this;
-    this.#region ??= new Region(this.visibility, this.#provable(), lists ? this.#trianglesOfLists() : this.#trianglesOfModel());
+    const give = () => (lists ? this.#trianglesOfLists() : this.#trianglesOfModel());
+    this.#region ??= new Region(this.visibility, this.#provable(), give());
     const middle = this.#axes(eye);
     const box = { min: middle.map((x) => x - half), max: middle.map((x) => x + half) };
     const found = await this.#region.look(box, progress);
@@ -223,7 +224,9 @@ export class Culling {
     const flags = this.lists
       ? flagsOf(true, false)
       : Float64Array.from(
-          batches.flatMap(({ count, seeThrough, side }) => Array(count).fill(flagsOf(!seeThrough, side === DoubleSide))),
+          batches.flatMap(({ count, seeThrough, side }) => {
+            return Array(count).fill(flagsOf(!seeThrough, side === DoubleSide));
+          }),
         );
     return { ...this.objects, flags };
   }

@@ -163,7 +163,8 @@ export class Picture {
   /** What is not drawn from the eye, by what a box around it sees: pairs of items and material. */
   #setsOfBox({ seen }, { sets }) {
     const { materials } = this;
-    const notDrawn = (make) => Uint32Array.from({ length: this.shown.length }, (_, word) => make(word) & ~(seen[word] ?? 0));
+    const { length } = this.shown;
+    const notDrawn = (make) => Uint32Array.from({ length }, (_, word) => make(word) & ~(seen[word] ?? 0));
     return [
       [notDrawn((word) => ~sets.swept[word]), materials.swept],
       [notDrawn((word) => sets.hidden[word]), materials.proven],

@@ -33,7 +33,10 @@ try {
   page.on("pageerror", ({ message }) => complaints.push(message));
   page.on("console", (message) => message.type() === "error" && complaints.push(message.text()));
   await page.setViewport(VIEWPORT);
-  await page.goto(new URL(`../three/example/?paused&count=${count}&kind=${kinds[0].split("/")[0]}&three=${three}`, server.address).href);
+  await page.goto(
+    new URL(`../three/example/?paused&count=${count}&kind=${kinds[0].split("/")[0]}&three=${three}`, server.address)
+      .href,
+  );
   await page.waitForFunction("window.example?.state.kind", { timeout: PATIENCE });
   for (const [kind, where] of kinds.map((kind) => kind.split("/"))) {
     for (const inWorker of [false, true]) {
@@ -41,7 +44,8 @@ try {
       const at = `${kind}${inWorker ? ", in a worker" : ""}`;
       if (inWorker || kind !== kinds[0].split("/")[0]) await page.evaluate(`example.choose("${kind}", ${inWorker})`);
       await page.evaluate("example.goTo(4)");
-      const measure = (side) => page.evaluate(`document.getElementById("walk").checked = true; example.measure("${side}", ${seconds})`);
+      const measure = (side) =>
+        page.evaluate(`document.getElementById("walk").checked = true; example.measure("${side}", ${seconds})`);
       const alone = inWorker ? null : await measure("three");
       const culled = await measure("visibility");
       await page.evaluate("example.compare()");
@@ -58,10 +62,17 @@ try {
     }
   }
   assert.deepEqual(complaints, [], "the console has no errors");
-  console.log(`${await browser.version()}, software WebGL, ${VIEWPORT.width} x ${VIEWPORT.height}, ${whole(Number(count))} objects`);
+  console.log(
+    `${await browser.version()}, software WebGL, ${VIEWPORT.width} x ${VIEWPORT.height}, ${whole(Number(count))} objects`,
+  );
   for (const [kind, how, { fps, ms, cullingMs, calls, triangles, hidden, frames, late }, wrong, pictures = 0] of rows) {
-    const own = how === "three.js" ? "" : `, culling ${cullingMs.toFixed(1)} ms, ${whole(hidden)} hidden, ${late} of ${frames} frames without an answer, ${wrong} wrong pixels in ${pictures} pictures`;
-    console.log(`${kind}, ${how}: ${fps.toFixed(2)} fps, ${ms.toFixed(1)} ms CPU, ${whole(calls)} calls, ${whole(triangles)} triangles${own}`);
+    const own =
+      how === "three.js"
+        ? ""
+        : `, culling ${cullingMs.toFixed(1)} ms, ${whole(hidden)} hidden, ${late} of ${frames} frames without an answer, ${wrong} wrong pixels in ${pictures} pictures`;
+    console.log(
+      `${kind}, ${how}: ${fps.toFixed(2)} fps, ${ms.toFixed(1)} ms CPU, ${whole(calls)} calls, ${whole(triangles)} triangles${own}`,
+    );
   }
 } finally {
   await browser.close();

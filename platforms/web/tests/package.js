@@ -387,7 +387,8 @@ for (const simd128 of [false, true]) {
     assert.equal(plan.ray([0, 0], [0, 0]), null);
     assert.deepEqual([...plan.wallsFromRegion([4.5, 0])], [0]);
     assert.deepEqual([...plan.wallsFromRegion([4.5, -1.5, 4.5, 1.5])], [0, 1]);
-    const distances = (corners) => corners.filter((_, i) => i % 2 === 0).map((x, i) => Math.hypot(x - 7, corners[2 * i + 1]));
+    const distances = (corners) =>
+      [...corners.filter((_, i) => i % 2 === 0)].map((x, i) => Math.hypot(x - 7, corners[2 * i + 1]));
     const corners = plan.polygon([7, 0], { range: 1.5 });
     assert.ok(corners.length > 20 && distances(corners).every((distance) => distance < 1.5001));
     assert.ok(Math.max(...plan.polygon([7, 0])) > 9.4, "through the clear wall");
@@ -448,7 +449,8 @@ for (const simd128 of [false, true]) {
     // The wall hides nothing; a level of two triangles at x = 6 does.
     scene.setFlags(wall, 0);
     view.setPerspective(CAMERA);
-    const level = visibility.createLevel([6, -9, -9, 6, 9, -9, 6, 9, 9, 6, -9, -9, 6, 9, 9, 6, -9, 9], { twoSided: true });
+    const triangles = [6, -9, -9, 6, 9, -9, 6, 9, 9, 6, -9, -9, 6, 9, 9, 6, -9, 9];
+    const level = visibility.createLevel(triangles, { twoSided: true });
     const seen = (level, options) => {
       visibility.createPipeline().addFrustum().addZBufferOfLevel(level, options).cull(scene, view, visible);
       return visible.bits[0];
@@ -640,7 +642,8 @@ test("the README's program runs", async () => {
   const scene = visibility.createScene();
   scene.insert({ bounds: WALL });
   const given = { Opacity, visibility, scene, triangles: [4, -9, -9, 4, 9, -9, 4, 9, 9] };
-  const made = await new AsyncFunction(...Object.keys(given), `${plans}; return { plan, level };`)(...Object.values(given));
+  const both = `${plans}; return { plan, level };`;
+  const made = await new AsyncFunction(...Object.keys(given), both)(...Object.values(given));
   assert.deepEqual([made.plan.sees([0, 0], [9, 5]), made.level.bytes.length > 50], [true, true]);
 });
 

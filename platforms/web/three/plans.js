@@ -32,7 +32,8 @@ function loaded(visibility) {
 /** Returns the surface of a mesh. Only from `Surface.Front` on it hides. */
 function surfaceOf(mesh, surfaces, occluder) {
   const { geometry, material } = mesh;
-  if (!material || geometry?.isBufferGeometry !== true || geometry.isInstancedBufferGeometry) return Surface.NeverHidden;
+  if (!material || geometry?.isBufferGeometry !== true || geometry.isInstancedBufferGeometry)
+    return Surface.NeverHidden;
   // Their vertices are elsewhere when they are drawn.
   if (mesh.isSkinnedMesh || mesh.morphTexture || geometry.morphAttributes.position) return Surface.NeverHidden;
   const choice = occluder?.(mesh);
@@ -236,7 +237,9 @@ export class ScenePlan {
   #lines() {
     const ends = this.walls.flatMap(({ from, to }) => [from, to]);
     if (ends.length === 0) return [];
-    const [low, high] = [Math.min, Math.max].map((pick) => AXES.map((_, k) => ends.reduce((a, end) => pick(a, end[k]), ends[0][k])));
+    const [low, high] = [Math.min, Math.max].map((pick) =>
+      AXES.map((_, k) => ends.reduce((a, end) => pick(a, end[k]), ends[0][k])),
+    );
     const sizes = AXES.map((_, k) => high[k] - low[k]);
     const most = Math.max(...sizes);
     const side = Math.max(this.#grid ?? most / USUAL_LINES, most / MOST_LINES) || 1;
@@ -266,7 +269,8 @@ export class CellSight {
     const size = around.getSize(new Vector3());
     const counts = size.toArray().map((side) => Math.max(1, Math.ceil(side / cell)));
     const count = counts[0] * counts[1] * counts[2];
-    if (!(count <= MOST_CELLS)) throw new RangeError(`${count} cells are too many: take a larger \`cell\`, or a \`box\``);
+    if (!(count <= MOST_CELLS))
+      throw new RangeError(`${count} cells are too many: take a larger \`cell\`, or a \`box\``);
     const library = await loaded(visibility);
     const boxes = [];
     const { min, max } = around;

@@ -23,7 +23,8 @@ pub unsafe extern "C" fn vis_level_create(
     border(|| {
         // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let place = unsafe { out(level, "level") }?;
-        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 9 numbers for each of `triangle_count`.
+        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 9 numbers for each of
+        // `triangle_count`.
         let given = unsafe { array(triangles.cast::<[[f32; 3]; 3]>(), triangle_count, "triangles") }?;
         if given.iter().flatten().flatten().any(|x| !x.is_finite()) {
             return Err(Error::argument("a triangle is not finite"));
@@ -67,7 +68,8 @@ pub unsafe extern "C" fn vis_level_write(
     })
 }
 
-/// Destroys the occluders of a level; pipelines that use them keep them alive. Does nothing for a null pointer.
+/// Destroys the occluders of a level; pipelines that use them keep them alive. Does nothing for a null
+/// pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_level_destroy(level: *mut vis_level) {
     // SAFETY: by rule P3 of `visibility.h`, the handle is null, or made by this library and unused.

@@ -61,8 +61,8 @@ pub struct vis_wall_hit {
     /// Where the ray ends: the plan's x and y. NaN for a ray without a direction, or one that does not enter
     /// the rectangle around the plan.
     pub point: [f64; 2],
-    /// Number of the wall that stops the ray. `VIS_NO_WALL` if none does: the point is on the rectangle around
-    /// the plan.
+    /// Number of the wall that stops the ray. `VIS_NO_WALL` if none does: the point is on the rectangle
+    /// around the plan.
     pub wall: u32,
 }
 
@@ -124,8 +124,8 @@ pub unsafe extern "C" fn vis_plan_sees(
     })
 }
 
-/// Writes where a ray from `eye` through the point `through`, 2 coordinates each, ends: at the first wall that
-/// stops sight, or at the rectangle around the plan.
+/// Writes where a ray from `eye` through the point `through`, 2 coordinates each, ends: at the first wall
+/// that stops sight, or at the rectangle around the plan.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_plan_ray(
     plan: *const vis_plan,
@@ -161,8 +161,8 @@ unsafe fn look(plan: *const vis_plan, eye: *const f64, range: f64) -> Result<Vis
 }
 
 /// Writes the corners of what an eye sees, counter-clockwise, 2 coordinates each; `capacity` and `count` are
-/// numbers of coordinates. `eye` is the plan's x and y, `range` the greatest distance, infinite for none; arcs
-/// become chords inside of them. A null or too short buffer is handled as in `vis_visible_ids`.
+/// numbers of coordinates. `eye` is the plan's x and y, `range` the greatest distance, infinite for none;
+/// arcs become chords inside of them. A null or too short buffer is handled as in `vis_visible_ids`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_plan_visibility_polygon(
     plan: *const vis_plan,
@@ -200,9 +200,9 @@ pub unsafe extern "C" fn vis_plan_visible_walls(
     })
 }
 
-/// Writes the numbers of the walls that can be seen from somewhere in the convex hull of points, 2 coordinates
-/// each, ascending. The points are within the rectangle around the plan. Sight from within the region, on its
-/// side of walls that cross it, is exact.
+/// Writes the numbers of the walls that can be seen from somewhere in the convex hull of points, 2
+/// coordinates each, ascending. The points are within the rectangle around the plan. Sight from within the
+/// region, on its side of walls that cross it, is exact.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_plan_walls_seen_from_region(
     plan: *const vis_plan,

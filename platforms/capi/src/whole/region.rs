@@ -32,11 +32,11 @@ fn set(words: &mut [u32], id: ObjectId) {
     }
 }
 
-/// Writes which objects can be seen from a box of the world, by a sweep of it over the occluders, their meshes
-/// and flags as in a frame: bit `index % 32` of word `index / 32` is clear if the object is hidden from all
-/// points of the box, and if there is no object of this index. `min` and `max` are the corners of the box, 3
-/// finite coordinates each. Conservative. Takes milliseconds to a second. A null or too short `words` is
-/// handled as in `vis_visible_ids`; null takes no time.
+/// Writes which objects can be seen from a box of the world, by a sweep of it over the occluders, their
+/// meshes and flags as in a frame: bit `index % 32` of word `index / 32` is clear if the object is hidden
+/// from all points of the box, and if there is no object of this index. `min` and `max` are the corners of
+/// the box, 3 finite coordinates each. Conservative. Takes milliseconds to a second. A null or too short
+/// `words` is handled as in `vis_visible_ids`; null takes no time.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_seen_from(
     scene: *const vis_scene,
@@ -61,14 +61,14 @@ pub unsafe extern "C" fn vis_scene_seen_from(
 }
 
 /// Decides for each object whether it can be seen from a box of the world, by rays and proofs among the
-/// triangles of `vis_scene_set_triangles`. Writes two bits for each index: bit `index % 32` of word
-/// `index / 32` is set if a line of sight to the object was found; the bit in the second half of the words is
-/// set if the object is proven hidden from all points of the box. Neither is set for objects that are not
-/// decided. An object without triangles is its bounds: no line of sight to it is found, and it hides nothing. With a `clearance` of 0, an object
-/// is hidden if every segment to it touches an occluder; with a clearance in metres, also if gaps between
-/// occluders are narrower than 12 clearances. The work ends after `most_steps` rays and pieces of searches,
-/// some microseconds each; 0 for no end, which may take minutes. A null or too short `words` is handled as in
-/// `vis_visible_ids`; null takes no time.
+/// triangles of `vis_scene_set_triangles`. Writes two bits for each index: bit `index % 32` of word `index /
+/// 32` is set if a line of sight to the object was found; the bit in the second half of the words is set if
+/// the object is proven hidden from all points of the box. Neither is set for objects that are not decided.
+/// An object without triangles is its bounds: no line of sight to it is found, and it hides nothing. With a
+/// `clearance` of 0, an object is hidden if every segment to it touches an occluder; with a clearance in
+/// metres, also if gaps between occluders are narrower than 12 clearances. The work ends after `most_steps`
+/// rays and pieces of searches, some microseconds each; 0 for no end, which may take minutes. A null or too
+/// short `words` is handled as in `vis_visible_ids`; null takes no time.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_prove_from(
     scene: *const vis_scene,

@@ -27,7 +27,14 @@ const fail = (error) => {
 };
 /** For tests: what the page shows. `wrong` is the number of pixels that differ, in all comparisons so far. */
 const state = { errors: 0, frames: 0, compared: 0, wrong: 0, three: {}, visibility: {} };
-window.example = { state, goTo: (at) => ((time = at), (element("walk").checked = false)), choose, measure, compare, compareWithout };
+window.example = {
+  state,
+  goTo: (at) => ((time = at), (element("walk").checked = false)),
+  choose,
+  measure,
+  compare,
+  compareWithout,
+};
 addEventListener("error", ({ error }) => fail(error));
 addEventListener("unhandledrejection", ({ reason }) => fail(reason));
 
@@ -177,17 +184,16 @@ function show() {
     ["triangles", ({ triangles }) => number(triangles)],
   ];
   const lines = rows.map(
-    ([name, value]) =>
-      `<tr><th>${name}</th><td>${value(state.three)}</td><td>${value(state.visibility)}</td></tr>`,
+    ([name, value]) => `<tr><th>${name}</th><td>${value(state.three)}</td><td>${value(state.visibility)}</td></tr>`,
   );
   const { stats } = culling;
   lines.push(`<tr><th>hidden of ${number(stats.objects)}</th><td></td><td>${number(stats.hidden)}</td></tr>`);
-  lines.push(
-    `<tr><th>culling itself, ms</th><td></td><td>${state.visibility.cullingMs.toFixed(1)}</td></tr>`,
-  );
+  lines.push(`<tr><th>culling itself, ms</th><td></td><td>${state.visibility.cullingMs.toFixed(1)}</td></tr>`);
   if (stats.late) {
     const { isUsed, reason, ageMs } = stats.late;
-    lines.push(`<tr><th>answer of the worker</th><td></td><td>${isUsed ? `${ageMs.toFixed(0)} ms old` : reason}</td></tr>`);
+    lines.push(
+      `<tr><th>answer of the worker</th><td></td><td>${isUsed ? `${ageMs.toFixed(0)} ms old` : reason}</td></tr>`,
+    );
   }
   lines.push(`<tr><th>wrong pixels in ${state.compared} pictures</th><td></td><td>${state.wrong}</td></tr>`);
   element("table").innerHTML = lines.join("");

@@ -12,7 +12,12 @@ export async function watch(scene, guards, thieves, { range = 30, ...options } =
   const people = new Set([...guards, ...thieves]);
   const occluder = (mesh) => (people.has(mesh) ? false : undefined);
   const plan = await ScenePlan.of(scene, { occluder, ...options });
-  const material = new THREE.MeshBasicMaterial({ color: 0xffd166, transparent: true, opacity: 0.35, depthWrite: false });
+  const material = new THREE.MeshBasicMaterial({
+    color: 0xffd166,
+    transparent: true,
+    opacity: 0.35,
+    depthWrite: false,
+  });
   const floors = guards.map(() => new THREE.Mesh(new THREE.BufferGeometry(), material));
   scene.add(...floors);
   const update = () => {

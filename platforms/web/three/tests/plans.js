@@ -140,9 +140,15 @@ test("a door opens and closes for lines of sight and for who sees whom", async (
   assert.equal(plan.whoSees([a], [aside], { margin: 4 }).sees(a, aside), true, "with a margin");
   plan.setOpen(door, false);
   assert.deepEqual(answers(), [false, false, false, false, 0], "closed again");
-  assert.ok(plan.meshesSeen(a).every((mesh) => mesh.position.x <= 0.1), "meshes of this room alone");
+  assert.ok(
+    plan.meshesSeen(a).every((mesh) => mesh.position.x <= 0.1),
+    "meshes of this room alone",
+  );
   plan.setOpen(door, true);
-  assert.ok(plan.meshesSeen(a).some((mesh) => mesh.position.x === 10), "and the wall behind the door");
+  assert.ok(
+    plan.meshesSeen(a).some((mesh) => mesh.position.x === 10),
+    "and the wall behind the door",
+  );
 });
 
 test("who sees whom on a plan hides nobody whom a ray reaches", async () => {
@@ -196,7 +202,17 @@ test("cells see over a low wall where the plan does not, and not through a high 
 
 test("polygons make a plan; bodies count with their boxes", async () => {
   const square = [at(-1, -1), at(1, -1), at(1, 1), at(-1, 1)];
-  const plan = await ScenePlan.ofPolygons([square, [[3, -1], [4, -1], [4, 1]]], { height: 2, grid: 0.1, visibility });
+  const plan = await ScenePlan.ofPolygons(
+    [
+      square,
+      [
+        [3, -1],
+        [4, -1],
+        [4, 1],
+      ],
+    ],
+    { height: 2, grid: 0.1, visibility },
+  );
   assert.equal(plan.walls.length, 7);
   assert.deepEqual([plan.sees(at(-3, 0), at(2, 0)), plan.sees(at(-3, 2), at(2, 2))], [false, true]);
   assert.ok(plan.polygon(at(-3, 0)).every(({ y }) => y === 2));
@@ -224,12 +240,18 @@ test("the example dims thieves whom no guard may see", async () => {
   const [guard, near, far] = [person(-8), person(-3), person(5)];
   const { update, plan } = await watch(scene, [guard], [near, far], { height: HEIGHT, visibility });
   update();
-  assert.deepEqual([near, far].map(({ material }) => material.opacity), [1, 0.3]);
+  assert.deepEqual(
+    [near, far].map(({ material }) => material.opacity),
+    [1, 0.3],
+  );
   assert.ok(plan.walls.every(({ mesh }) => ![guard, near, far].includes(mesh)));
   guard.position.x = 8;
   guard.updateMatrixWorld();
   update();
-  assert.deepEqual([near, far].map(({ material }) => material.opacity), [0.3, 1]);
+  assert.deepEqual(
+    [near, far].map(({ material }) => material.opacity),
+    [0.3, 1],
+  );
 });
 
 test("the README's program runs", async () => {
