@@ -222,7 +222,7 @@ export class Culling {
   #provable() {
     const { batches } = this.model ?? {};
     const flags = this.lists
-      ? flagsOf(true, false)
+      ? flagsOf(true, true)
       : Float64Array.from(
           batches.flatMap(({ count, seeThrough, side }) => {
             return Array(count).fill(flagsOf(!seeThrough, side === DoubleSide));
