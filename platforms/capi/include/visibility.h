@@ -56,6 +56,9 @@
 // `vis_scene_prepare_occluders` only occlude from the front, with or without this flag.
 #define VIS_OBJECT_ONE_SIDED 8
 
+// Number of no wall: where a ray leaves the plan.
+#define VIS_NO_WALL 4294967295
+
 // Result of a call. Everything but `VIS_OK` is an error. A failed call has changed nothing, unless its
 // description says otherwise, and `vis_last_error` tells what was wrong with what.
 typedef enum vis_status {
@@ -83,17 +86,6 @@ typedef enum vis_status {
   VIS_ERROR_PANIC = 8,
 } vis_status;
 
-// What answered a frame of online sets.
-typedef enum vis_answer {
-  // No box, so that nothing was hidden: none is finished around the eye and its near plane, or the view's
-  // layers leave out an occluder of the boxes.
-  VIS_ANSWER_NONE = 0,
-  // A wide box, which hides less than a viewcell: the viewcell is not ready.
-  VIS_ANSWER_WIDE = 1,
-  // A viewcell.
-  VIS_ANSWER_VIEWCELL = 2,
-} vis_answer;
-
 // Accuracy that a pipeline promises for its result.
 typedef enum vis_accuracy {
   // Reports exactly the visible objects.
@@ -105,6 +97,17 @@ typedef enum vis_accuracy {
   // May hide visible objects and report hidden ones, within the limits stated by its stages.
   VIS_ACCURACY_APPROXIMATE = 3,
 } vis_accuracy;
+
+// What answered a frame of online sets.
+typedef enum vis_answer {
+  // No box, so that nothing was hidden: none is finished around the eye and its near plane, or the view's
+  // layers leave out an occluder of the boxes.
+  VIS_ANSWER_NONE = 0,
+  // A wide box, which hides less than a viewcell: the viewcell is not ready.
+  VIS_ANSWER_WIDE = 1,
+  // A viewcell.
+  VIS_ANSWER_VIEWCELL = 2,
+} vis_answer;
 
 // Depth convention of a clip matrix: which clip-space depths z are in view, relative to clip-space w.
 typedef enum vis_depth {
@@ -140,6 +143,10 @@ typedef struct vis_cells vis_cells;
 // Graph of convex cells and the portals between them. It never changes.
 typedef struct vis_graph vis_graph;
 
+// Occluders of a level: what hides of all its opaque triangles that stand still, joined into few large
+// polygons. They hide only what the triangles hide.
+typedef struct vis_level vis_level;
+
 // Software renderer that finds the objects with at least one visible pixel, for tests and tools, not for
 // frames.
 typedef struct vis_measure vis_measure;
@@ -152,6 +159,9 @@ typedef struct vis_online vis_online;
 // Pipeline: the cullers of one view in the order in which they were added, with their state from earlier
 // frames. Two eyes, or two players, need two pipelines over one scene.
 typedef struct vis_pipeline vis_pipeline;
+
+// Floor plan: walls, and the triangles between them.
+typedef struct vis_plan vis_plan;
 
 // Potentially visible set: for each viewcell the targets, cells or objects, that may be visible from there.
 // It never changes.
@@ -176,6 +186,52 @@ typedef struct vis_visible vis_visible;
 // Observers and targets of one tick, with the answer which of them see which. Keeps what it can for the
 // next.
 typedef struct vis_who_sees vis_who_sees;
+
+// Axis-aligned box.
+typedef struct vis_box {
+  // Minimum corner: x, y, z.
+  float min[3];
+  // Maximum corner: x, y, z.
+  float max[3];
+} vis_box;
+
+// Counters of a frame's work. They do not depend on the machine or on timing.
+typedef struct vis_stats {
+  // Number of nodes of the hierarchy whose children were tested.
+  uint64_t nodes;
+  // Number of nodes accepted as a whole, without tests of their children.
+  uint64_t accepted_subtrees;
+  // Number of tests of one box against one plane, one occlusion map or similar.
+  uint64_t tests;
+  // Number of occluders drawn.
+  uint64_t occluders;
+  // Number of visible objects after the stage.
+  uint64_t visible;
+} vis_stats;
+
+// Description of an object to insert. Start from `vis_object_default`: a description of zeros would put the
+// object on no layer, so that it is never visible.
+typedef struct vis_object_desc {
+  // Bounds relative to the scene's origin. An object whose bounds are inverted, NaN or infinite is never
+  // culled.
+  struct vis_box bounds;
+  // Layers of the object, one bit per layer. A view shows objects that share a layer with it.
+  uint32_t layers;
+  // Cost of drawing the object, in triangles or any other unit.
+  uint32_t cost;
+  // Any of the flags `VIS_OBJECT_...`, or 0.
+  uint32_t flags;
+} vis_object_desc;
+
+// Position and directions of a camera, in world coordinates.
+typedef struct vis_pose {
+  // Position of the eye.
+  double eye[3];
+  // Point that the camera looks at.
+  double target[3];
+  // Direction that points upwards in the picture.
+  double up[3];
+} vis_pose;
 
 // Portal of a graph: a convex polygon between two cells.
 typedef struct vis_portal {
@@ -214,28 +270,6 @@ typedef struct vis_comparison {
   uint32_t wrong_pixels;
 } vis_comparison;
 
-// Axis-aligned box.
-typedef struct vis_box {
-  // Minimum corner: x, y, z.
-  float min[3];
-  // Maximum corner: x, y, z.
-  float max[3];
-} vis_box;
-
-// Counters of a frame's work. They do not depend on the machine or on timing.
-typedef struct vis_stats {
-  // Number of nodes of the hierarchy whose children were tested.
-  uint64_t nodes;
-  // Number of nodes accepted as a whole, without tests of their children.
-  uint64_t accepted_subtrees;
-  // Number of tests of one box against one plane, one occlusion map or similar.
-  uint64_t tests;
-  // Number of occluders drawn.
-  uint64_t occluders;
-  // Number of visible objects after the stage.
-  uint64_t visible;
-} vis_stats;
-
 // Work that one call of `vis_online_step` has done.
 typedef struct vis_online_work {
   // Whether there was any. False if all places have viewcells; all else is then false or 0.
@@ -248,30 +282,6 @@ typedef struct vis_online_work {
   struct vis_stats stats;
 } vis_online_work;
 
-// Description of an object to insert. Start from `vis_object_default`: a description of zeros would put the
-// object on no layer, so that it is never visible.
-typedef struct vis_object_desc {
-  // Bounds relative to the scene's origin. An object whose bounds are inverted, NaN or infinite is never
-  // culled.
-  struct vis_box bounds;
-  // Layers of the object, one bit per layer. A view shows objects that share a layer with it.
-  uint32_t layers;
-  // Cost of drawing the object, in triangles or any other unit.
-  uint32_t cost;
-  // Any of the flags `VIS_OBJECT_...`, or 0.
-  uint32_t flags;
-} vis_object_desc;
-
-// Position and directions of a camera, in world coordinates.
-typedef struct vis_pose {
-  // Position of the eye.
-  double eye[3];
-  // Point that the camera looks at.
-  double target[3];
-  // Direction that points upwards in the picture.
-  double up[3];
-} vis_pose;
-
 // Wall of a floor plan: a segment that is as high as the level.
 typedef struct vis_wall {
   // First end: the plan's x and y.
@@ -281,6 +291,39 @@ typedef struct vis_wall {
   // A `vis_opacity`.
   uint32_t opacity;
 } vis_wall;
+
+// End of a ray in a plan.
+typedef struct vis_wall_hit {
+  // Where the ray ends: the plan's x and y. NaN for a ray without a direction, or one that does not enter
+  // the rectangle around the plan.
+  double point[2];
+  // Number of the wall that stops the ray. `VIS_NO_WALL` if none does: the point is on the rectangle
+  // around the plan.
+  uint32_t wall;
+} vis_wall_hit;
+
+// An object whose bounds a ray hits.
+typedef struct vis_ray_hit {
+  // Id of the object.
+  uint64_t object;
+  // Distance in metres from the ray's origin to the object's bounds: 0 for bounds around the origin, and
+  // never more than the exact distance.
+  float distance;
+} vis_ray_hit;
+
+// Light that casts shadows, in world space and metres. Fields that its kind does not have are not read.
+typedef struct vis_light {
+  // A `vis_light_kind`.
+  uint32_t kind;
+  // Position of a point or spot light.
+  double position[3];
+  // Direction of a directional or spot light: any finite length but zero.
+  double direction[3];
+  // Distance beyond which a point or spot light casts no shadow: more than 0, may be infinite.
+  double range;
+  // Angle in radians between the axis and the side of a spot light's cone: more than 0, at most pi.
+  double half_angle;
+} vis_light;
 
 // Where a mover may be until the answer is used.
 typedef struct vis_reach {
@@ -301,94 +344,10 @@ extern "C" {
 // library at run time.
 uint32_t vis_abi_version(void);
 
-// Makes a graph of `cell_count` cells from arrays: `portals`, and 3 coordinates for each of `vertices`.
-enum vis_status vis_graph_create(size_t cell_count,
-                                 const struct vis_portal *portals,
-                                 size_t portal_count,
-                                 const double *vertices,
-                                 size_t vertex_count,
-                                 struct vis_graph **graph);
-
-// Makes a graph from the `length` bytes of a map compiler's portal file (`.prt`), in the format PRT1, PRT2
-// or PRT1-AM.
-enum vis_status vis_graph_read_prt(const uint8_t *text, size_t length, struct vis_graph **graph);
-
-// Destroys a graph. Does nothing for a null pointer.
-void vis_graph_destroy(struct vis_graph *graph);
-
-// Writes the number of cells and the number of portals.
-enum vis_status vis_graph_counts(const struct vis_graph *graph, size_t *cells, size_t *portals);
-
-// Computes which cells may see one another from anywhere inside, with all portals open. Conservative.
-// `clearance` is the least distance in world units between a line of sight and the edges of portals; 0 for
-// the default, which is 1e-6 or, if more, 2^-33 of the greatest coordinate of a portal. Takes from
-// milliseconds to minutes.
-enum vis_status vis_graph_bake(const struct vis_graph *graph, double clearance, struct vis_pvs **pvs);
-
-// Makes the cells of a building from a graph and the volume of each cell. `planes` has 4 numbers a, b, c, d
-// each; a volume keeps the side where a x + b y + c z + d >= 0. `tolerance` is the greatest error in the
-// positions of portals and volumes: 1e-6 for metres computed in double precision, the last decimal for
-// coordinates read from text. All portals are open. A portal with the wrong winding is corrected; a portal
-// whose two volumes are not on opposite sides is an error. The graph may be destroyed afterwards.
-enum vis_status vis_cells_create(const struct vis_graph *graph,
-                                 const struct vis_volume *cell_volumes,
-                                 size_t volume_count,
-                                 const double *planes,
-                                 size_t plane_count,
-                                 double tolerance,
-                                 struct vis_cells **cells);
-
-// Makes cells and portals from the triangles of a scene's occluders that are always drawn, where they are
-// now: space is divided along large walls, and every gap between triangles becomes an open portal. An
-// occluder with a draw range, an HLOD parent or HLOD children is not always drawn, nor is one on no layer:
-// it is no wall. `max_cells` is the greatest number of cells; 0 for the default, 16,384. Writes the number
-// of cells to `cell_count`, which may be null. It is 0 where all space sees the backs of one-sided
-// triangles: a culler with such cells hides nothing. What an occluder does after this call counts no more,
-// so make cells of what stands still. Occluders of all layers count, so cull with such cells only views that
-// show them all. Takes from milliseconds to minutes.
-enum vis_status vis_cells_create_of_scene(const struct vis_scene *scene,
-                                          size_t max_cells,
-                                          struct vis_cells **cells,
-                                          size_t *cell_count);
-
-// Destroys cells; pipelines that use them keep them alive. Does nothing for a null pointer.
-void vis_cells_destroy(struct vis_cells *cells);
-
-// Restricts what is seen from a cell to its row in a baked set, whose targets must be the cells of the
-// graph. The set may be destroyed afterwards. Returns `VIS_ERROR_ARGUMENT` for a set baked from another
-// graph. For a set made by `vis_pvs_create` the graph is unknown, so pipelines with the cells become
-// `VIS_ACCURACY_APPROXIMATE`.
-enum vis_status vis_cells_set_pvs(struct vis_cells *cells, const struct vis_pvs *pvs);
-
-// Opens or closes a portal, for example a door.
-enum vis_status vis_cells_set_open(struct vis_cells *cells, uint32_t portal, bool open);
-
-// Sets the directions in which an open portal can be seen through: from its first cell into the second
-// (`forward`), from the second into the first (`backward`), or both. To allow neither, close the portal.
-enum vis_status vis_cells_set_passage(struct vis_cells *cells, uint32_t portal, bool forward, bool backward);
-
-// Writes whether one cell may see another, from anywhere inside, through the portals that are open now.
-// Useful for sound and for the AI of guards.
-enum vis_status vis_cells_can_see(const struct vis_cells *cells, uint32_t from, uint32_t to, bool *sees);
-
 // Returns the message of the last call that failed on this thread, in English, UTF-8, ending with a zero
 // byte; the empty text if none has failed. Successful calls leave it as it is. The pointer is valid until
 // the next call that fails on this thread; never free it.
 const char *vis_last_error(void);
-
-// Creates a renderer with an image of `width` by `height` pixels.
-enum vis_status vis_measure_create(uint32_t width, uint32_t height, struct vis_measure **measure);
-
-// Destroys a renderer. Does nothing for a null pointer.
-void vis_measure_destroy(struct vis_measure *measure);
-
-// Draws all triangles of the scene's objects (`vis_scene_set_triangles`) for a view, and compares the
-// picture with a pipeline's result for the same view. Objects without triangles are not compared.
-enum vis_status vis_measure_compare(struct vis_measure *measure,
-                                    const struct vis_scene *scene,
-                                    const struct vis_view *view,
-                                    const struct vis_visible *visible,
-                                    struct vis_comparison *comparison);
 
 // Writes the bounds of an object, relative to the scene's origin.
 enum vis_status vis_scene_bounds(const struct vis_scene *scene, uint64_t object, struct vis_box *bounds);
@@ -471,65 +430,6 @@ enum vis_status vis_scene_set_triangles(struct vis_scene *scene,
 // the number of objects that got one to `count`. Call this once after loading.
 enum vis_status vis_scene_prepare_occluders(struct vis_scene *scene, size_t *count);
 
-// Creates sets for one eye. `viewcell` and `wide` are the sizes along x, y and z, in metres, of the
-// viewcells and of the wide boxes that these lie in: 3 numbers each, positive and finite, those of `wide` at
-// least those of `viewcell`. A viewcell of 0.6 m lasts for a quarter of a second of walking; a wide box
-// should be several times as wide, but not higher. `margin` is how far a viewcell extends at least around
-// each place that it holds: to the corners of the near plane, and to both eyes of a headset. At most half
-// the least size of the viewcell counts; 0 for the default, an eighth of it.
-enum vis_status vis_online_create(const double *viewcell,
-                                  const double *wide,
-                                  double margin,
-                                  struct vis_online **online);
-
-// Destroys sets; pipelines and sight cells that use them keep them alive. Does nothing for a null pointer.
-void vis_online_destroy(struct vis_online *online);
-
-// Works ahead, in or between frames, on the box that is needed soonest. `places` are points of the world, 3
-// coordinates each: the eye, then where it may be next, such as its place after 0.1, 0.2, 0.4 and 0.8
-// seconds at its present velocity. All must be finite. `budget` is the work to do in microseconds of a core
-// of 3 GHz, counted and not timed; a step does a little work even with 0, and may exceed it by one
-// indivisible part. Answers do not depend on budgets. Writes what was done to `work`, which may be null:
-// call this until `worked` is false to have viewcells at all places.
-enum vis_status vis_online_step(struct vis_online *online,
-                                const struct vis_scene *scene,
-                                const double *places,
-                                size_t place_count,
-                                uint32_t budget,
-                                struct vis_online_work *work);
-
-// Writes what answered the last frame of a pipeline with these sets. `VIS_ANSWER_NONE` before the first.
-enum vis_status vis_online_answer(const struct vis_online *online, enum vis_answer *answer);
-
-// Writes the ids of objects that the box of the last frame sees, wherever the view looks, and the box of the
-// frame before did not, like `vis_visible_ids`. The largest for their distance come first, so a stream sends
-// as many of the first as fit. It begins with all objects of the scene and adds those that are inserted,
-// since what was never hidden is not listed.
-enum vis_status vis_online_came(const struct vis_online *online,
-                                uint64_t *ids,
-                                size_t capacity,
-                                size_t *count);
-
-// Writes the ids of objects that the box of the frame before saw and the box of the last frame does not see,
-// in the order of `vis_online_came`, so the last can be unloaded first. Removed objects are not listed.
-enum vis_status vis_online_went(const struct vis_online *online,
-                                uint64_t *ids,
-                                size_t capacity,
-                                size_t *count);
-
-// Writes which objects are hidden from all points of a box of the world, without a view: bit `index % 32` of
-// word `index / 32` is set if the object is hidden. `min` and `max` are the corners of the box, 3 finite
-// coordinates each. Nothing is hidden if no finished box holds this one, or if `min` exceeds `max`. A null
-// or too short `words` is handled as in `vis_visible_ids`; `vis_scene_index_limit` tells the number of
-// words. Only for observers to whom all layers of occluders are drawn.
-enum vis_status vis_online_write_hidden(struct vis_online *online,
-                                        const struct vis_scene *scene,
-                                        const double *min,
-                                        const double *max,
-                                        uint32_t *words,
-                                        size_t capacity,
-                                        size_t *count);
-
 // Creates a pipeline without stages, which reports every object on the view's layers.
 enum vis_status vis_pipeline_create(struct vis_pipeline **pipeline);
 
@@ -552,28 +452,6 @@ enum vis_status vis_pipeline_add_contribution(struct vis_pipeline *pipeline,
 // that have a mesh and the flag `VIS_OBJECT_OCCLUDER`. `width` and `height` are the size of the buffer in
 // pixels, 16 to 4096; 0 and 0 for the default, 512 x 288. Conservative.
 enum vis_status vis_pipeline_add_z_buffer(struct vis_pipeline *pipeline, size_t width, size_t height);
-
-// Appends portal culling, which removes objects that cannot be seen through the open portals of a building.
-// Several pipelines may share the cells, which live as long as a pipeline uses them, even if destroyed.
-// Conservative.
-enum vis_status vis_pipeline_add_portals(struct vis_pipeline *pipeline, const struct vis_cells *cells);
-
-// Appends culling by a baked set. It removes objects that the set excludes for the viewcells around the eye.
-// Several pipelines may share the set, which lives as long as a pipeline uses it, even if destroyed.
-// Conservative if the set is.
-enum vis_status vis_pipeline_add_pvs(struct vis_pipeline *pipeline, const struct vis_scene_pvs *pvs);
-
-// Appends culling by sets made ahead of an eye on the move. It removes objects that are hidden from the box
-// around the eye and its near plane; nothing while no box is ready. The sets live as long as a pipeline uses
-// them, even if destroyed. Both eyes of a headset may share them; `vis_online_answer` and the lists of what
-// came and went are then those of the last frame of either. Conservative.
-enum vis_status vis_pipeline_add_online(struct vis_pipeline *pipeline, const struct vis_online *online);
-
-// Appends culling by a horizon: it removes objects hidden behind upright solids, walls and hills of the
-// objects that have a mesh and the flag `VIS_OBJECT_OCCLUDER`. For cities and terrain seen from near the
-// ground. `is_z_up` is whether the z axis points up, otherwise the y axis does. The solids of each scene are
-// found in the first frame, and follow its changes. Conservative.
-enum vis_status vis_pipeline_add_horizon(struct vis_pipeline *pipeline, bool is_z_up);
 
 // Makes answers of later frames good for a while: they are made for all views whose eye is within `metres`
 // and whose direction is within `radians` of the frame's view, and a frame with such a view keeps the answer
@@ -631,79 +509,6 @@ enum vis_status vis_pipeline_lacks(const struct vis_pipeline *pipeline,
                                    char *text,
                                    size_t capacity,
                                    size_t *count);
-
-// Loads a set from the `length` bytes that `vis_pvs_write` has written. The bytes are checked. For files of
-// the program `bake`, use `vis_scene_pvs_read_version`.
-enum vis_status vis_pvs_read(const uint8_t *bytes, size_t length, struct vis_pvs **pvs);
-
-// Makes a set of objects from rows, for sets of your own baker. Viewcell `i` sees the targets from
-// `targets[row_ends[i - 1]]` (0 for the first) up to `targets[row_ends[i]]`, exclusive. The targets of each
-// row are strictly ascending and below `target_count`.
-enum vis_status vis_pvs_create(size_t target_count,
-                               const size_t *row_ends,
-                               size_t viewcell_count,
-                               const uint32_t *targets,
-                               size_t targets_length,
-                               struct vis_pvs **pvs);
-
-// Destroys a set. Does nothing for a null pointer.
-void vis_pvs_destroy(struct vis_pvs *pvs);
-
-// Writes the bytes of a set, to be stored unchanged, and their number to `count`. With a null `bytes`,
-// writes only the number. Returns `VIS_ERROR_TOO_SHORT` if `bytes` is too short.
-enum vis_status vis_pvs_write(const struct vis_pvs *pvs, uint8_t *bytes, size_t capacity, size_t *count);
-
-// Writes the number of viewcells and the number of targets.
-enum vis_status vis_pvs_counts(const struct vis_pvs *pvs, size_t *viewcells, size_t *targets);
-
-// Writes whether a target may be visible from a viewcell; false if the set has no such target or viewcell.
-enum vis_status vis_pvs_sees(const struct vis_pvs *pvs, uint32_t viewcell, uint32_t target, bool *sees);
-
-// Writes the row of a viewcell as one bit per target: bit `target % 32` of word `target / 32` is set if the
-// target may be visible from there. Writes the number of words to `count`. A null or too short `words` is
-// handled as in `vis_pvs_write`. Faster than `vis_pvs_sees` for many targets.
-enum vis_status vis_pvs_write_row(const struct vis_pvs *pvs,
-                                  uint32_t viewcell,
-                                  uint32_t *words,
-                                  size_t capacity,
-                                  size_t *count);
-
-// Prepares a set for the present state of a scene, for `vis_pipeline_add_pvs`. Viewcell `i` of the set is
-// the region `viewcells[i]`; `planes` as in `vis_cells_create`. The arrays `objects` and `targets`, both of
-// length `pair_count`, assign targets to objects; an object may have several. Objects without a target, and
-// objects that change later, are never hidden. The set may be destroyed afterwards.
-enum vis_status vis_scene_pvs_create(const struct vis_scene *scene,
-                                     const struct vis_pvs *pvs,
-                                     const struct vis_volume *viewcells,
-                                     size_t viewcell_count,
-                                     const double *planes,
-                                     size_t plane_count,
-                                     const uint64_t *objects,
-                                     const uint32_t *targets,
-                                     size_t pair_count,
-                                     struct vis_scene_pvs **scene_pvs);
-
-// Loads the `length` bytes of a file that the program `bake` has written, for `vis_pipeline_add_pvs`. The
-// bytes are checked. The scene must have exactly the objects of the baked scene, inserted in the same order
-// with the same bounds. Objects that change later are never hidden. `version` is the level's version as
-// printed by `bake`: a hash of everything the bake depends on, triangles included. Returns
-// `VIS_ERROR_ARGUMENT` for another scene or version.
-enum vis_status vis_scene_pvs_read_version(const struct vis_scene *scene,
-                                           const uint8_t *bytes,
-                                           size_t length,
-                                           uint64_t version,
-                                           struct vis_scene_pvs **scene_pvs);
-
-// Loads a file like `vis_scene_pvs_read_version`, for a level without a stored version. An edit that changes
-// no bounds, such as a new door in a wall, is not noticed, and objects that it makes visible are hidden. So
-// pipelines with the set are `VIS_ACCURACY_APPROXIMATE`, and `vis_pipeline_lacks` reports the reason.
-enum vis_status vis_scene_pvs_read(const struct vis_scene *scene,
-                                   const uint8_t *bytes,
-                                   size_t length,
-                                   struct vis_scene_pvs **scene_pvs);
-
-// Destroys a prepared set; pipelines that use it keep it alive. Does nothing for a null pointer.
-void vis_scene_pvs_destroy(struct vis_scene_pvs *pvs);
 
 // Returns the description of an object on all layers, of cost 1 and without flags.
 struct vis_object_desc vis_object_default(struct vis_box bounds);
@@ -893,6 +698,394 @@ enum vis_status vis_visible_newly_hidden(const struct vis_visible *visible,
                                          uint64_t *ids,
                                          size_t capacity,
                                          size_t *count);
+
+// Makes a graph of `cell_count` cells from arrays: `portals`, and 3 coordinates for each of `vertices`.
+enum vis_status vis_graph_create(size_t cell_count,
+                                 const struct vis_portal *portals,
+                                 size_t portal_count,
+                                 const double *vertices,
+                                 size_t vertex_count,
+                                 struct vis_graph **graph);
+
+// Makes a graph from the `length` bytes of a map compiler's portal file (`.prt`), in the format PRT1, PRT2
+// or PRT1-AM.
+enum vis_status vis_graph_read_prt(const uint8_t *text, size_t length, struct vis_graph **graph);
+
+// Destroys a graph. Does nothing for a null pointer.
+void vis_graph_destroy(struct vis_graph *graph);
+
+// Writes the number of cells and the number of portals.
+enum vis_status vis_graph_counts(const struct vis_graph *graph, size_t *cells, size_t *portals);
+
+// Computes which cells may see one another from anywhere inside, with all portals open. Conservative.
+// `clearance` is the least distance in world units between a line of sight and the edges of portals; 0 for
+// the default, which is 1e-6 or, if more, 2^-33 of the greatest coordinate of a portal. Takes from
+// milliseconds to minutes.
+enum vis_status vis_graph_bake(const struct vis_graph *graph, double clearance, struct vis_pvs **pvs);
+
+// Makes the cells of a building from a graph and the volume of each cell. `planes` has 4 numbers a, b, c, d
+// each; a volume keeps the side where a x + b y + c z + d >= 0. `tolerance` is the greatest error in the
+// positions of portals and volumes: 1e-6 for metres computed in double precision, the last decimal for
+// coordinates read from text. All portals are open. A portal with the wrong winding is corrected; a portal
+// whose two volumes are not on opposite sides is an error. The graph may be destroyed afterwards.
+enum vis_status vis_cells_create(const struct vis_graph *graph,
+                                 const struct vis_volume *cell_volumes,
+                                 size_t volume_count,
+                                 const double *planes,
+                                 size_t plane_count,
+                                 double tolerance,
+                                 struct vis_cells **cells);
+
+// Makes cells and portals from the triangles of a scene's occluders that are always drawn, where they are
+// now: space is divided along large walls, and every gap between triangles becomes an open portal. An
+// occluder with a draw range, an HLOD parent or HLOD children is not always drawn, nor is one on no layer:
+// it is no wall. `max_cells` is the greatest number of cells; 0 for the default, 16,384. Writes the number
+// of cells to `cell_count`, which may be null. It is 0 where all space sees the backs of one-sided
+// triangles: a culler with such cells hides nothing. What an occluder does after this call counts no more,
+// so make cells of what stands still. Occluders of all layers count, so cull with such cells only views that
+// show them all. Takes from milliseconds to minutes.
+enum vis_status vis_cells_create_of_scene(const struct vis_scene *scene,
+                                          size_t max_cells,
+                                          struct vis_cells **cells,
+                                          size_t *cell_count);
+
+// Destroys cells; pipelines that use them keep them alive. Does nothing for a null pointer.
+void vis_cells_destroy(struct vis_cells *cells);
+
+// Restricts what is seen from a cell to its row in a baked set, whose targets must be the cells of the
+// graph. The set may be destroyed afterwards. Returns `VIS_ERROR_ARGUMENT` for a set baked from another
+// graph. For a set made by `vis_pvs_create` the graph is unknown, so pipelines with the cells become
+// `VIS_ACCURACY_APPROXIMATE`.
+enum vis_status vis_cells_set_pvs(struct vis_cells *cells, const struct vis_pvs *pvs);
+
+// Opens or closes a portal, for example a door.
+enum vis_status vis_cells_set_open(struct vis_cells *cells, uint32_t portal, bool open);
+
+// Sets the directions in which an open portal can be seen through: from its first cell into the second
+// (`forward`), from the second into the first (`backward`), or both. To allow neither, close the portal.
+enum vis_status vis_cells_set_passage(struct vis_cells *cells, uint32_t portal, bool forward, bool backward);
+
+// Writes whether one cell may see another, from anywhere inside, through the portals that are open now.
+// Useful for sound and for the AI of guards.
+enum vis_status vis_cells_can_see(const struct vis_cells *cells, uint32_t from, uint32_t to, bool *sees);
+
+// Makes the occluders of a level from its opaque triangles that stand still, 9 finite coordinates each,
+// counter-clockwise from the front. `two_sided` is whether they hide from behind, too. Takes seconds for a
+// million triangles.
+enum vis_status vis_level_create(const float *triangles,
+                                 size_t triangle_count,
+                                 bool two_sided,
+                                 struct vis_level **level);
+
+// Loads the occluders of a level that `vis_level_write` or the programs wrote. Whether they are of the level
+// as it is now is not checked: occluders of another level hide visible objects.
+enum vis_status vis_level_read(const uint8_t *bytes, size_t length, struct vis_level **level);
+
+// Writes the occluders of a level as a file. A null or too short buffer is handled as in `vis_visible_ids`.
+enum vis_status vis_level_write(const struct vis_level *level,
+                                uint8_t *bytes,
+                                size_t capacity,
+                                size_t *count);
+
+// Destroys the occluders of a level; pipelines that use them keep them alive. Does nothing for a null
+// pointer.
+void vis_level_destroy(struct vis_level *level);
+
+// Creates a renderer with an image of `width` by `height` pixels.
+enum vis_status vis_measure_create(uint32_t width, uint32_t height, struct vis_measure **measure);
+
+// Destroys a renderer. Does nothing for a null pointer.
+void vis_measure_destroy(struct vis_measure *measure);
+
+// Draws all triangles of the scene's objects (`vis_scene_set_triangles`) for a view, and compares the
+// picture with a pipeline's result for the same view. Objects without triangles are not compared.
+enum vis_status vis_measure_compare(struct vis_measure *measure,
+                                    const struct vis_scene *scene,
+                                    const struct vis_view *view,
+                                    const struct vis_visible *visible,
+                                    struct vis_comparison *comparison);
+
+// Creates sets for one eye. `viewcell` and `wide` are the sizes along x, y and z, in metres, of the
+// viewcells and of the wide boxes that these lie in: 3 numbers each, positive and finite, those of `wide` at
+// least those of `viewcell`. A viewcell of 0.6 m lasts for a quarter of a second of walking; a wide box
+// should be several times as wide, but not higher. `margin` is how far a viewcell extends at least around
+// each place that it holds: to the corners of the near plane, and to both eyes of a headset. At most half
+// the least size of the viewcell counts; 0 for the default, an eighth of it.
+enum vis_status vis_online_create(const double *viewcell,
+                                  const double *wide,
+                                  double margin,
+                                  struct vis_online **online);
+
+// Destroys sets; pipelines and sight cells that use them keep them alive. Does nothing for a null pointer.
+void vis_online_destroy(struct vis_online *online);
+
+// Works ahead, in or between frames, on the box that is needed soonest. `places` are points of the world, 3
+// coordinates each: the eye, then where it may be next, such as its place after 0.1, 0.2, 0.4 and 0.8
+// seconds at its present velocity. All must be finite. `budget` is the work to do in microseconds of a core
+// of 3 GHz, counted and not timed; a step does a little work even with 0, and may exceed it by one
+// indivisible part. Answers do not depend on budgets. Writes what was done to `work`, which may be null:
+// call this until `worked` is false to have viewcells at all places.
+enum vis_status vis_online_step(struct vis_online *online,
+                                const struct vis_scene *scene,
+                                const double *places,
+                                size_t place_count,
+                                uint32_t budget,
+                                struct vis_online_work *work);
+
+// Writes what answered the last frame of a pipeline with these sets. `VIS_ANSWER_NONE` before the first.
+enum vis_status vis_online_answer(const struct vis_online *online, enum vis_answer *answer);
+
+// Writes the ids of objects that the box of the last frame sees, wherever the view looks, and the box of the
+// frame before did not, like `vis_visible_ids`. The largest for their distance come first, so a stream sends
+// as many of the first as fit. It begins with all objects of the scene and adds those that are inserted,
+// since what was never hidden is not listed.
+enum vis_status vis_online_came(const struct vis_online *online,
+                                uint64_t *ids,
+                                size_t capacity,
+                                size_t *count);
+
+// Writes the ids of objects that the box of the frame before saw and the box of the last frame does not see,
+// in the order of `vis_online_came`, so the last can be unloaded first. Removed objects are not listed.
+enum vis_status vis_online_went(const struct vis_online *online,
+                                uint64_t *ids,
+                                size_t capacity,
+                                size_t *count);
+
+// Writes which objects are hidden from all points of a box of the world, without a view: bit `index % 32` of
+// word `index / 32` is set if the object is hidden. `min` and `max` are the corners of the box, 3 finite
+// coordinates each. Nothing is hidden if no finished box holds this one, or if `min` exceeds `max`. A null
+// or too short `words` is handled as in `vis_visible_ids`; `vis_scene_index_limit` tells the number of
+// words. Only for observers to whom all layers of occluders are drawn.
+enum vis_status vis_online_write_hidden(struct vis_online *online,
+                                        const struct vis_scene *scene,
+                                        const double *min,
+                                        const double *max,
+                                        uint32_t *words,
+                                        size_t capacity,
+                                        size_t *count);
+
+// Makes a plan of walls, which are numbered from 0 in the given order. They may cross and touch. Around them
+// is a rectangle with a margin of a quarter of their extent, at least 1; what an eye sees ends there.
+enum vis_status vis_plan_create(const struct vis_wall *walls, size_t wall_count, struct vis_plan **plan);
+
+// Destroys a plan. Does nothing for a null pointer.
+void vis_plan_destroy(struct vis_plan *plan);
+
+// Sets the opacity, a `vis_opacity`, of a wall: a door that opens.
+enum vis_status vis_plan_set_opacity(struct vis_plan *plan, uint32_t wall, uint32_t opacity_of_wall);
+
+// Writes whether the segment from point `a` to point `b`, 2 coordinates each, meets no wall that stops sight
+// from `a` to `b` before its end. Exact for the given numbers. A point on a wall sees both of its sides.
+enum vis_status vis_plan_sees(const struct vis_plan *plan, const double *a, const double *b, bool *sees);
+
+// Writes where a ray from `eye` through the point `through`, 2 coordinates each, ends: at the first wall
+// that stops sight, or at the rectangle around the plan.
+enum vis_status vis_plan_ray(const struct vis_plan *plan,
+                             const double *eye,
+                             const double *through,
+                             struct vis_wall_hit *hit);
+
+// Writes the corners of what an eye sees, counter-clockwise, 2 coordinates each; `capacity` and `count` are
+// numbers of coordinates. `eye` is the plan's x and y, `range` the greatest distance, infinite for none;
+// arcs become chords inside of them. A null or too short buffer is handled as in `vis_visible_ids`.
+enum vis_status vis_plan_visibility_polygon(const struct vis_plan *plan,
+                                            const double *eye,
+                                            double range,
+                                            double *coordinates,
+                                            size_t capacity,
+                                            size_t *count);
+
+// Writes the numbers of the walls that an eye sees, ascending. Parameters as in
+// `vis_plan_visibility_polygon`.
+enum vis_status vis_plan_visible_walls(const struct vis_plan *plan,
+                                       const double *eye,
+                                       double range,
+                                       uint32_t *walls,
+                                       size_t capacity,
+                                       size_t *count);
+
+// Writes the numbers of the walls that can be seen from somewhere in the convex hull of points, 2
+// coordinates each, ascending. The points are within the rectangle around the plan. Sight from within the
+// region, on its side of walls that cross it, is exact.
+enum vis_status vis_plan_walls_seen_from_region(const struct vis_plan *plan,
+                                                const double *points,
+                                                size_t point_count,
+                                                uint32_t *walls,
+                                                size_t capacity,
+                                                size_t *count);
+
+// Loads a set from the `length` bytes that `vis_pvs_write` has written. The bytes are checked. For files of
+// the program `bake`, use `vis_scene_pvs_read_version`.
+enum vis_status vis_pvs_read(const uint8_t *bytes, size_t length, struct vis_pvs **pvs);
+
+// Makes a set of objects from rows, for sets of your own baker. Viewcell `i` sees the targets from
+// `targets[row_ends[i - 1]]` (0 for the first) up to `targets[row_ends[i]]`, exclusive. The targets of each
+// row are strictly ascending and below `target_count`.
+enum vis_status vis_pvs_create(size_t target_count,
+                               const size_t *row_ends,
+                               size_t viewcell_count,
+                               const uint32_t *targets,
+                               size_t targets_length,
+                               struct vis_pvs **pvs);
+
+// Destroys a set. Does nothing for a null pointer.
+void vis_pvs_destroy(struct vis_pvs *pvs);
+
+// Writes the bytes of a set, to be stored unchanged, and their number to `count`. With a null `bytes`,
+// writes only the number. Returns `VIS_ERROR_TOO_SHORT` if `bytes` is too short.
+enum vis_status vis_pvs_write(const struct vis_pvs *pvs, uint8_t *bytes, size_t capacity, size_t *count);
+
+// Writes the number of viewcells and the number of targets.
+enum vis_status vis_pvs_counts(const struct vis_pvs *pvs, size_t *viewcells, size_t *targets);
+
+// Writes whether a target may be visible from a viewcell; false if the set has no such target or viewcell.
+enum vis_status vis_pvs_sees(const struct vis_pvs *pvs, uint32_t viewcell, uint32_t target, bool *sees);
+
+// Writes the row of a viewcell as one bit per target: bit `target % 32` of word `target / 32` is set if the
+// target may be visible from there. Writes the number of words to `count`. A null or too short `words` is
+// handled as in `vis_pvs_write`. Faster than `vis_pvs_sees` for many targets.
+enum vis_status vis_pvs_write_row(const struct vis_pvs *pvs,
+                                  uint32_t viewcell,
+                                  uint32_t *words,
+                                  size_t capacity,
+                                  size_t *count);
+
+// Prepares a set for the present state of a scene, for `vis_pipeline_add_pvs`. Viewcell `i` of the set is
+// the region `viewcells[i]`; `planes` as in `vis_cells_create`. The arrays `objects` and `targets`, both of
+// length `pair_count`, assign targets to objects; an object may have several. Objects without a target, and
+// objects that change later, are never hidden. The set may be destroyed afterwards.
+enum vis_status vis_scene_pvs_create(const struct vis_scene *scene,
+                                     const struct vis_pvs *pvs,
+                                     const struct vis_volume *viewcells,
+                                     size_t viewcell_count,
+                                     const double *planes,
+                                     size_t plane_count,
+                                     const uint64_t *objects,
+                                     const uint32_t *targets,
+                                     size_t pair_count,
+                                     struct vis_scene_pvs **scene_pvs);
+
+// Loads the `length` bytes of a file that the program `bake` has written, for `vis_pipeline_add_pvs`. The
+// bytes are checked. The scene must have exactly the objects of the baked scene, inserted in the same order
+// with the same bounds. Objects that change later are never hidden. `version` is the level's version as
+// printed by `bake`: a hash of everything the bake depends on, triangles included. Returns
+// `VIS_ERROR_ARGUMENT` for another scene or version.
+enum vis_status vis_scene_pvs_read_version(const struct vis_scene *scene,
+                                           const uint8_t *bytes,
+                                           size_t length,
+                                           uint64_t version,
+                                           struct vis_scene_pvs **scene_pvs);
+
+// Loads a file like `vis_scene_pvs_read_version`, for a level without a stored version. An edit that changes
+// no bounds, such as a new door in a wall, is not noticed, and objects that it makes visible are hidden. So
+// pipelines with the set are `VIS_ACCURACY_APPROXIMATE`, and `vis_pipeline_lacks` reports the reason.
+enum vis_status vis_scene_pvs_read(const struct vis_scene *scene,
+                                   const uint8_t *bytes,
+                                   size_t length,
+                                   struct vis_scene_pvs **scene_pvs);
+
+// Destroys a prepared set; pipelines that use it keep it alive. Does nothing for a null pointer.
+void vis_scene_pvs_destroy(struct vis_scene_pvs *pvs);
+
+// Writes the objects on `layers` whose bounds a ray hits, nearest first: first candidates for picking by
+// triangles, since no triangle of an object is nearer than its bounds. The ray leads from `origin`, relative
+// to the scene's origin, along `direction`, 3 coordinates each, up to `max_distance` metres, which may be
+// infinite. An object whose bounds are inverted, NaN or infinite is hit at distance 0. A null or too short
+// buffer is handled as in `vis_visible_ids`.
+enum vis_status vis_scene_ray_hits(const struct vis_scene *scene,
+                                   const float *origin,
+                                   const float *direction,
+                                   float max_distance,
+                                   uint32_t layers,
+                                   struct vis_ray_hit *hits,
+                                   size_t capacity,
+                                   size_t *count);
+
+// Writes the first of the objects that `vis_scene_ray_hits` would write. Its id is `VIS_NO_OBJECT`, and its
+// distance infinite, if there is none.
+enum vis_status vis_scene_first_hit(const struct vis_scene *scene,
+                                    const float *origin,
+                                    const float *direction,
+                                    float max_distance,
+                                    uint32_t layers,
+                                    struct vis_ray_hit *hit);
+
+// Writes the ids of the objects on `layers` whose bounds touch a box, relative to the scene's origin, like
+// `vis_visible_ids`. Exact; an inverted or NaN box touches every object.
+enum vis_status vis_scene_in_box(const struct vis_scene *scene,
+                                 const struct vis_box *area,
+                                 uint32_t layers,
+                                 uint64_t *ids,
+                                 size_t capacity,
+                                 size_t *count);
+
+// Writes which objects can be seen from a box of the world, by a sweep of it over the occluders, their
+// meshes and flags as in a frame: bit `index % 32` of word `index / 32` is clear if the object is hidden
+// from all points of the box, and if there is no object of this index. `min` and `max` are the corners of
+// the box, 3 finite coordinates each. Conservative. Takes milliseconds to a second. A null or too short
+// `words` is handled as in `vis_visible_ids`; null takes no time.
+enum vis_status vis_scene_seen_from(const struct vis_scene *scene,
+                                    const double *min,
+                                    const double *max,
+                                    uint32_t *words,
+                                    size_t capacity,
+                                    size_t *count);
+
+// Decides for each object whether it can be seen from a box of the world, by rays and proofs among the
+// triangles of `vis_scene_set_triangles`. Writes two bits for each index: bit `index % 32` of word `index /
+// 32` is set if a line of sight to the object was found; the bit in the second half of the words is set if
+// the object is proven hidden from all points of the box. Neither is set for objects that are not decided.
+// An object without triangles is its bounds: no line of sight to it is found, and it hides nothing. With a
+// `clearance` of 0, an object is hidden if every segment to it touches an occluder; with a clearance in
+// metres, also if gaps between occluders are narrower than 12 clearances. The work ends after `most_steps`
+// rays and pieces of searches, some microseconds each; 0 for no end, which may take minutes. A null or too
+// short `words` is handled as in `vis_visible_ids`; null takes no time.
+enum vis_status vis_scene_prove_from(const struct vis_scene *scene,
+                                     const double *min,
+                                     const double *max,
+                                     double clearance,
+                                     uint32_t most_steps,
+                                     uint32_t *words,
+                                     size_t capacity,
+                                     size_t *count);
+
+// Appends portal culling, which removes objects that cannot be seen through the open portals of a building.
+// Several pipelines may share the cells, which live as long as a pipeline uses them, even if destroyed.
+// Conservative.
+enum vis_status vis_pipeline_add_portals(struct vis_pipeline *pipeline, const struct vis_cells *cells);
+
+// Appends culling by a baked set. It removes objects that the set excludes for the viewcells around the eye.
+// Several pipelines may share the set, which lives as long as a pipeline uses it, even if destroyed.
+// Conservative if the set is.
+enum vis_status vis_pipeline_add_pvs(struct vis_pipeline *pipeline, const struct vis_scene_pvs *pvs);
+
+// Appends culling by sets made ahead of an eye on the move. It removes objects that are hidden from the box
+// around the eye and its near plane; nothing while no box is ready. The sets live as long as a pipeline uses
+// them, even if destroyed. Both eyes of a headset may share them; `vis_online_answer` and the lists of what
+// came and went are then those of the last frame of either. Conservative.
+enum vis_status vis_pipeline_add_online(struct vis_pipeline *pipeline, const struct vis_online *online);
+
+// Appends culling by a horizon: it removes objects hidden behind upright solids, walls and hills of the
+// objects that have a mesh and the flag `VIS_OBJECT_OCCLUDER`. For cities and terrain seen from near the
+// ground. `is_z_up` is whether the z axis points up, otherwise the y axis does. The solids of each scene are
+// found in the first frame, and follow its changes. Conservative.
+enum vis_status vis_pipeline_add_horizon(struct vis_pipeline *pipeline, bool is_z_up);
+
+// Appends culling of shadow casters: it removes objects whose shadow from a light cannot fall on any point
+// that the view shows. The first stage of the pipeline that selects objects for the light's shadow map; the
+// view is the camera's, or that of one cascade, on the layers of all casters. No frustum stage belongs in
+// that pipeline, since casters may be outside the view. Conservative for shadows.
+enum vis_status vis_pipeline_add_casters(struct vis_pipeline *pipeline,
+                                         const struct vis_light *light_of_shadows);
+
+// Appends a z-buffer as `vis_pipeline_add_z_buffer` does, into which the occluders of a level are drawn,
+// beside those of the scene's objects. `origin` is the point of the world, 3 finite coordinates, that the
+// level's triangles are relative to. The level may be destroyed afterwards. Conservative.
+enum vis_status vis_pipeline_add_z_buffer_of_level(struct vis_pipeline *pipeline,
+                                                   size_t width,
+                                                   size_t height,
+                                                   const struct vis_level *level,
+                                                   const double *origin);
 
 // Makes sight cells from the walls of a floor plan: its triangles are the cells. `x_axis` and `y_axis` are
 // the axes of the world, 0 to 2, that are the plan's x and y: 0 and 1 if z is up. Movers do not pass opaque

@@ -40,6 +40,8 @@ using ScenePvs = Handle<vis_scene_pvs, vis_scene_pvs_destroy>;
 using Online = Handle<vis_online, vis_online_destroy>;
 using SightCells = Handle<vis_sight_cells, vis_sight_cells_destroy>;
 using WhoSees = Handle<vis_who_sees, vis_who_sees_destroy>;
+using Plan = Handle<vis_plan, vis_plan_destroy>;
+using Level = Handle<vis_level, vis_level_destroy>;
 using Measure = Handle<vis_measure, vis_measure_destroy>;
 
 // Makes a handle by its `vis_..._create` or `vis_..._read` function and what that takes before the handle.

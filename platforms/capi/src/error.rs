@@ -89,47 +89,6 @@ codes! {
     BitsError, _ => VIS_ERROR_TOO_SHORT;
 }
 
-/// Conversions of the errors that only the whole library has.
-#[cfg(feature = "whole")]
-mod of_whole {
-    use super::Error;
-    use super::vis_status::*;
-    use visibility_2d::cdt::PlanError;
-    use visibility_bake::BakedSetError;
-    use visibility_core::cells::CellGraphError;
-    use visibility_core::pvs::PvsError;
-    use visibility_core::who_sees::OfPortalsError;
-    use visibility_measure::MeasureError;
-    use visibility_portals::from_geometry::GeometryError;
-    use visibility_portals::prt::PrtError;
-    use visibility_portals::{BakeError, SceneCellsError};
-
-    codes! {
-        MeasureError, _ => VIS_ERROR_ARGUMENT;
-        CellGraphError, _ => VIS_ERROR_ARGUMENT;
-        BakeError, _ => VIS_ERROR_ARGUMENT;
-        GeometryError, _ => VIS_ERROR_ARGUMENT;
-        OfPortalsError, _ => VIS_ERROR_ARGUMENT;
-        PlanError, kind => match kind {
-            PlanError::UnknownWall { .. } => VIS_ERROR_UNKNOWN_ID,
-            _ => VIS_ERROR_ARGUMENT,
-        };
-        PrtError, _ => VIS_ERROR_FORMAT;
-        SceneCellsError, kind => match kind {
-            SceneCellsError::UnknownCell(_) | SceneCellsError::UnknownPortal(_) => VIS_ERROR_UNKNOWN_ID,
-            _ => VIS_ERROR_ARGUMENT,
-        };
-        PvsError, kind => match kind {
-            PvsError::Format(_) | PvsError::Row { .. } => VIS_ERROR_FORMAT,
-            _ => VIS_ERROR_ARGUMENT,
-        };
-        BakedSetError, kind => match kind {
-            BakedSetError::OtherScene | BakedSetError::OtherVersion { .. } => VIS_ERROR_ARGUMENT,
-            _ => VIS_ERROR_FORMAT,
-        };
-    }
-}
-
 thread_local! {
     static LAST: RefCell<CString> = RefCell::default();
 }

@@ -12,51 +12,30 @@
 //! Every function runs its body in [`error::border`], which turns errors into codes and stops panics. Handles
 //! are behind the locks of [`handle`].
 
-#[cfg(feature = "whole")]
-mod cells;
+#[macro_use]
 mod error;
 mod handle;
-#[cfg(feature = "whole")]
-mod horizon;
-#[cfg(feature = "whole")]
-mod measure;
 mod moves;
 mod occluders;
-#[cfg(feature = "whole")]
-mod online;
 mod pipeline;
 mod pointer;
-#[cfg(feature = "whole")]
-mod pvs;
 mod scene;
 mod stats;
 mod view;
 mod visible;
 #[cfg(feature = "whole")]
-mod volume;
-#[cfg(feature = "whole")]
-mod who_sees;
+mod whole;
 
-#[cfg(feature = "whole")]
-pub use cells::*;
 pub use error::*;
-#[cfg(feature = "whole")]
-pub use measure::*;
 pub use moves::*;
 pub use occluders::*;
-#[cfg(feature = "whole")]
-pub use online::*;
 pub use pipeline::*;
-#[cfg(feature = "whole")]
-pub use pvs::*;
 pub use scene::*;
 pub use stats::*;
 pub use view::*;
 pub use visible::*;
 #[cfg(feature = "whole")]
-pub use volume::*;
-#[cfg(feature = "whole")]
-pub use who_sees::*;
+pub use whole::*;
 
 /// The header allows any thread to use any handle, so compilation fails if a handle's type is not `Send` and
 /// `Sync`.
@@ -66,20 +45,6 @@ const _: () = {
     any_thread::<vis_scene>();
     any_thread::<vis_view>();
     any_thread::<vis_visible>();
-};
-
-/// As above, of what only the whole library has.
-#[cfg(feature = "whole")]
-const _: () = {
-    const fn any_thread<T: Send + Sync>() {}
-    any_thread::<vis_cells>();
-    any_thread::<vis_graph>();
-    any_thread::<vis_measure>();
-    any_thread::<vis_online>();
-    any_thread::<vis_pvs>();
-    any_thread::<vis_scene_pvs>();
-    any_thread::<vis_sight_cells>();
-    any_thread::<vis_who_sees>();
 };
 
 /// Version of the interface. It increases when a change breaks programs that were compiled before.

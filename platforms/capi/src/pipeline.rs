@@ -1,32 +1,18 @@
 //! Pipelines: the cullers of one view, and their counters of the last frame.
 
-#[cfg(feature = "whole")]
-use crate::cells::vis_cells;
 use crate::error::{Error, border, vis_status};
 use crate::handle::Guarded;
-#[cfg(feature = "whole")]
-use crate::horizon::FollowingHorizon;
-#[cfg(feature = "whole")]
-use crate::online::{SharedOnline, vis_online};
 use crate::pointer::{buffer, create, destroy, optional_out, out, reference};
-#[cfg(feature = "whole")]
-use crate::pvs::vis_scene_pvs;
 use crate::scene::vis_scene;
 use crate::stats::vis_stats;
 use crate::view::vis_view;
 use crate::visible::vis_visible;
 use std::ffi::c_char;
 use std::fmt::Write;
-#[cfg(feature = "whole")]
-use visibility_2d::horizon::UpAxis;
-#[cfg(feature = "whole")]
-use visibility_core::pvs::PvsCuller;
 use visibility_core::view::Reach;
 use visibility_core::{Accuracy, Culler, FrustumCuller, ObjectId, Pipeline};
 use visibility_frame::lod::ContributionCuller;
 use visibility_hzb::{Hzb, HzbCuller};
-#[cfg(feature = "whole")]
-use visibility_portals::SharedPortalCuller;
 
 /// Pipeline: the cullers of one view in the order in which they were added, with their state from earlier
 /// frames. Two eyes, or two players, need two pipelines over one scene.
@@ -68,7 +54,7 @@ pub unsafe extern "C" fn vis_pipeline_destroy(pipeline: *mut vis_pipeline) {
 ///
 /// # Safety
 /// `pipeline` must be null or valid to read, by rule P1 of `visibility.h`.
-unsafe fn push(
+pub(crate) unsafe fn push(
     pipeline: *mut vis_pipeline,
     culler: impl Culler + Send + Sync + 'static,
 ) -> Result<(), Error> {
@@ -114,70 +100,6 @@ pub unsafe extern "C" fn vis_pipeline_add_z_buffer(
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe { push(pipeline, HzbCuller::new(map)) }
     })
-}
-
-/// Appends portal culling, which removes objects that cannot be seen through the open portals of a building.
-/// Several pipelines may share the cells, which live as long as a pipeline uses them, even if destroyed.
-/// Conservative.
-#[cfg(feature = "whole")]
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vis_pipeline_add_portals(
-    pipeline: *mut vis_pipeline,
-    cells: *const vis_cells,
-) -> vis_status {
-    border(|| {
-        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        let cells = unsafe { reference(cells, "cells") }?;
-        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        unsafe { push(pipeline, SharedPortalCuller::new(cells.shared())) }
-    })
-}
-
-/// Appends culling by a baked set. It removes objects that the set excludes for the viewcells around the eye.
-/// Several pipelines may share the set, which lives as long as a pipeline uses it, even if destroyed.
-/// Conservative if the set is.
-#[cfg(feature = "whole")]
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vis_pipeline_add_pvs(
-    pipeline: *mut vis_pipeline,
-    pvs: *const vis_scene_pvs,
-) -> vis_status {
-    border(|| {
-        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        let pvs = unsafe { reference(pvs, "pvs") }?;
-        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        unsafe { push(pipeline, PvsCuller::new(pvs.shared())) }
-    })
-}
-
-/// Appends culling by sets made ahead of an eye on the move. It removes objects that are hidden from the box
-/// around the eye and its near plane; nothing while no box is ready. The sets live as long as a pipeline uses
-/// them, even if destroyed. Both eyes of a headset may share them; `vis_online_answer` and the lists of what
-/// came and went are then those of the last frame of either. Conservative.
-#[cfg(feature = "whole")]
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vis_pipeline_add_online(
-    pipeline: *mut vis_pipeline,
-    online: *const vis_online,
-) -> vis_status {
-    border(|| {
-        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        let online = unsafe { reference(online, "online") }?;
-        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        unsafe { push(pipeline, SharedOnline(online.shared())) }
-    })
-}
-
-/// Appends culling by a horizon: it removes objects hidden behind upright solids, walls and hills of the
-/// objects that have a mesh and the flag `VIS_OBJECT_OCCLUDER`. For cities and terrain seen from near the
-/// ground. `is_z_up` is whether the z axis points up, otherwise the y axis does. The solids of each scene are
-/// found in the first frame, and follow its changes. Conservative.
-#[cfg(feature = "whole")]
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vis_pipeline_add_horizon(pipeline: *mut vis_pipeline, is_z_up: bool) -> vis_status {
-    let up = if is_z_up { UpAxis::Z } else { UpAxis::Y };
-    // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-    border(|| unsafe { push(pipeline, FollowingHorizon::new(up)) })
 }
 
 /// Makes answers of later frames good for a while: they are made for all views whose eye is within `metres`

@@ -69,7 +69,7 @@ fn no_number_makes_a_call_panic() {
         for round in 0..20_000 {
             let (id, mesh) = (ids[rng.below(ids.len())], meshes[rng.below(meshes.len())]);
             let index = || number(&mut Random(round)) as u32;
-            let status = match rng.below(25) {
+            let status = match rng.below(28) {
                 0 => {
                     let flags = rng.below(17) as u32;
                     let object = vis_object_desc { flags, ..vis_object_default(random_box(rng)) };
@@ -197,6 +197,67 @@ fn no_number_makes_a_call_panic() {
                         vis_sight_cells_destroy(sight);
                     }
                     status
+                }
+                24 => {
+                    let corners = numbers::<8>(rng);
+                    let [from, to, a, b] = [0, 2, 4, 6].map(|at| [corners[at], corners[at + 1]]);
+                    let wall = vis_wall { from, to, opacity: rng.below(4) as u32 };
+                    let mut plan = null_mut();
+                    let mut status = vis_plan_create(&wall, 1, &mut plan);
+                    if status == VIS_OK {
+                        let (mut sees, mut hit) = (false, vis_wall_hit { point: a, wall: 0 });
+                        let (a, b) = (a.as_ptr(), b.as_ptr());
+                        for call in [
+                            vis_plan_sees(plan, a, b, &mut sees),
+                            vis_plan_ray(plan, a, b, &mut hit),
+                            vis_plan_visible_walls(plan, a, number(rng), null_mut(), 0, &mut count),
+                            vis_plan_walls_seen_from_region(
+                                plan,
+                                corners.as_ptr(),
+                                4,
+                                null_mut(),
+                                0,
+                                &mut count,
+                            ),
+                        ] {
+                            assert_ne!(call, VIS_ERROR_PANIC, "round {round}");
+                        }
+                        status = vis_plan_visibility_polygon(plan, a, number(rng), null_mut(), 0, &mut count);
+                        vis_plan_destroy(plan);
+                    }
+                    status
+                }
+                25 => {
+                    let (corners, mut words) = (numbers::<6>(rng), [0_u32; 4096]);
+                    let (min, max) = (corners[..3].as_ptr(), corners[3..].as_ptr());
+                    let (clearance, words) = (number(rng), words.as_mut_ptr());
+                    match rng.below(2) {
+                        0 => vis_scene_seen_from(scene, min, max, words, 4096, &mut count),
+                        _ => vis_scene_prove_from(scene, min, max, clearance, 2000, words, 4096, &mut count),
+                    }
+                }
+                26 => {
+                    let [origin, along] = [(); 2].map(|()| numbers::<3>(rng).map(|x| x as f32));
+                    let (most, layers) = (number(rng) as f32, index());
+                    let mut hit = vis_ray_hit { object: 0, distance: 0.0 };
+                    let kind = rng.below(4) as u32;
+                    let [position, direction] = [numbers(rng), numbers(rng)];
+                    let light =
+                        vis_light { kind, position, direction, range: number(rng), half_angle: number(rng) };
+                    let own = make(vis_pipeline_create);
+                    if vis_pipeline_add_casters(own, &light) == VIS_OK {
+                        let culled = vis_pipeline_cull(own, scene, view, visible, null_mut());
+                        assert_ne!(culled, VIS_ERROR_PANIC, "round {round}");
+                    }
+                    vis_pipeline_destroy(own);
+                    let area = random_box(rng);
+                    let found = vis_scene_in_box(scene, &area, layers, null_mut(), 0, &mut count);
+                    assert_ne!(found, VIS_ERROR_PANIC, "round {round}");
+                    let (origin, along) = (origin.as_ptr(), along.as_ptr());
+                    let all =
+                        vis_scene_ray_hits(scene, origin, along, most, layers, null_mut(), 0, &mut count);
+                    assert_ne!(all, VIS_ERROR_PANIC, "round {round}");
+                    vis_scene_first_hit(scene, origin, along, most, layers, &mut hit)
                 }
                 _ => vis_pipeline_cull(pipeline, scene, view, visible, null_mut()),
             };

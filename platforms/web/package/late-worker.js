@@ -152,6 +152,11 @@ export function serve(port, visibility) {
       online.destroy();
       return { bits };
     },
+    /** Finds what is seen from a box by a sweep, and then decides what is left by rays and proofs. */
+    region({ min, max, clearance, mostSteps }) {
+      const bits = scene.seenFrom({ min, max });
+      return { bits, ...scene.proveFrom({ min, max }, { clearance, mostSteps }) };
+    },
   };
 
   port.onmessage = ({ data: { calls, ask } }) => {

@@ -2,6 +2,9 @@
 
 import type { Numbers, ObjectId, Scene, View, Visibility } from "./visibility.js";
 
+/** The number of bits that are set in words of 32, such as `Visible.bits`. */
+export function countBits(words: Iterable<number>): number;
+
 /** Starts a worker of this package, which loads the library: with `frames` the small module, without portals. */
 export function startWorker(options?: { frames?: boolean }): Worker;
 
@@ -48,6 +51,21 @@ export interface LateScene
   ask(
     question: { what: "hidden"; min: Numbers; max: Numbers },
     then: (answer: { bits: Uint32Array; revision: number; milliseconds: number }) => void,
+    to?: number,
+  ): void;
+  /**
+   * Asks worker `to` what is seen from a box: `bits` as of `Scene.seenFrom`, `seen` and `hidden` as of
+   * `Scene.proveFrom`, for the scene after `revision` calls.
+   */
+  ask(
+    question: { what: "region"; min: Numbers; max: Numbers; clearance?: number; mostSteps?: number },
+    then: (answer: {
+      bits: Uint32Array;
+      seen: Uint32Array;
+      hidden: Uint32Array;
+      revision: number;
+      milliseconds: number;
+    }) => void,
     to?: number,
   ): void;
   /** Whether all that hid others after `revision` calls still does. */

@@ -22,6 +22,17 @@ function copied(argument, moved) {
   return Object.fromEntries(Object.entries(argument).map(([name, value]) => [name, copied(value, moved)]));
 }
 
+/** Returns the number of bits that are set in words of 32. */
+export function countBits(words) {
+  let count = 0;
+  for (let word of words) {
+    word -= (word >>> 1) & 0x55555555;
+    word = (word & 0x33333333) + ((word >>> 2) & 0x33333333);
+    count += (((word + (word >>> 4)) & 0x0f0f0f0f) * 0x01010101) >>> 24;
+  }
+  return count;
+}
+
 /** Starts a worker of this package. With `frames` it loads the small module. */
 export function startWorker({ frames = false } = {}) {
   // Bundlers look for literals.

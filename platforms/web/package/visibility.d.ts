@@ -124,6 +124,31 @@ export interface Wall {
   opacity?: Opacity;
 }
 
+/** A ray from `origin`, relative to the scene's origin, along `direction`, of any length but zero. */
+export interface Ray {
+  origin: Triple;
+  direction: Triple;
+  /** Length of the ray: infinite by default. */
+  maxDistance?: number;
+  /** The ray hits objects on these layers: all by default. */
+  layers?: number;
+}
+
+export interface RayHit {
+  id: ObjectId;
+  distance: number;
+}
+
+/**
+ * A light that casts shadows: the sun, by a direction from lit points `toward` it; a lamp at `position`; or a spot
+ * light at `position`, along `direction` away from it, with an angle of `halfAngle` radians between axis and side.
+ * Beyond `range`, infinite by default, it casts no shadow.
+ */
+export type Light =
+  | { toward: Triple }
+  | { position: Triple; range?: number }
+  | { position: Triple; direction: Triple; halfAngle: number; range?: number };
+
 /** Place and directions of a camera. */
 export interface Pose {
   eye: Triple;
@@ -207,6 +232,21 @@ export interface Visibility {
    * half of it at most.
    */
   createOnline(settings: { viewcell: Triple; wide: Triple; margin?: number }): Online;
+  /**
+   * Creates a floor plan of walls, which are numbered from 0 in the given order, and may cross and touch. Around them
+   * is a rectangle with a margin of a quarter of their extent, at least 1, where what an eye sees ends.
+   */
+  createPlan(walls: readonly Wall[]): Plan;
+  /**
+   * Creates the occluders of a level: its opaque triangles that stand still, 9 numbers each, joined into few large
+   * polygons that hide only what the triangles hide. `twoSided` is whether they hide from behind, too.
+   */
+  createLevel(triangles: Numbers, options?: { twoSided?: boolean }): Level;
+  /**
+   * Loads the occluders of a level from the `bytes` of another. Whether they are of the level as it is now is not
+   * checked: occluders of another level hide visible objects.
+   */
+  readLevel(bytes: Uint8Array): Level;
   /**
    * Creates sight cells from the walls of a floor plan. `axes` are the axes of the world that are the plan's x and y:
    * `[0, 1]`, the default, if z is up. Movers do not pass opaque walls. Leave out walls that one can look over. Clear
@@ -329,6 +369,30 @@ export interface Scene extends Handle {
    */
   prepareOccluders(): number;
   /**
+   * Objects whose boxes a ray hits, nearest first: candidates for picking, since no triangle of an object is nearer
+   * than its box. `origin` is relative to the scene's origin; `distance` is in units of length, 0 for a box around it.
+   */
+  rayHits(ray: Ray): RayHit[];
+  /** The first of `rayHits`; null if there is none. */
+  firstHit(ray: Ray): RayHit | null;
+  /** Ids of the objects whose boxes touch a box. */
+  inBox(box: Box, options?: { layers?: number }): BigUint64Array;
+  /**
+   * One bit per index, as in `Visible.bits`, of the objects that can be seen from somewhere in a box of the world: a
+   * sweep of the box over the occluders. Conservative. Takes milliseconds to a second.
+   */
+  seenFrom(box: Box): Uint32Array;
+  /**
+   * Decides objects by rays and proofs among the triangles of `setTriangles`: bits of those to which a line of sight
+   * from the box was found, and of those that are proven hidden from all of the box. Those with neither bit are not
+   * decided, and count as visible. An object without triangles is its box: no ray sees it, and it hides
+   * nothing. With a `clearance` of 0,
+   * the default, no visible object is proven hidden; with one in metres also what is seen only through gaps narrower
+   * than 12 clearances is. The work ends after `mostSteps` rays and pieces of searches, of some microseconds each; 0,
+   * the default, for no end, which may take minutes.
+   */
+  proveFrom(box: Box, options?: { clearance?: number; mostSteps?: number }): { seen: Uint32Array; hidden: Uint32Array };
+  /**
    * Tightens the hierarchy where objects have moved; once per frame. Returns the number of nodes still
    * waiting.
    */
@@ -388,6 +452,17 @@ export interface Pipeline extends Handle {
    * the ground. They are found in the first frame, and follow the scene. Conservative.
    */
   addHorizon(options: { up: "y" | "z" }): this;
+  /**
+   * Removes objects whose shadow from a light cannot fall on any point that the view shows: the first stage of the
+   * pipeline that selects objects for the light's shadow map, without a frustum. The view is the camera's, or that of
+   * a cascade. Conservative for shadows.
+   */
+  addCasters(light: Light): this;
+  /**
+   * As `addZBuffer`, and the occluders of a level hide, too. `origin` is the point of the world that the level's
+   * triangles are relative to.
+   */
+  addZBufferOfLevel(level: Level, options?: { width?: number; height?: number; origin?: Triple }): this;
   /**
    * Makes the answers of later frames good for all views whose eye is within so many metres, and whose
    * direction is within so many radians, of the frame's view: frames with such views keep the answer and do no
@@ -529,4 +604,35 @@ export interface WhoSees extends Handle {
   sees(observer: number, target: number): boolean;
   /** The numbers of the targets that an observer may see, ascending. */
   seenBy(observer: number): Uint32Array;
+}
+
+/** Occluders of a level, for `addZBufferOfLevel`. */
+export interface Level extends Handle {
+  /** The occluders as a file. */
+  readonly bytes: Uint8Array;
+}
+
+/** A point of a plan: x and y. */
+export type Pair = readonly [number, number] | ArrayLike<number>;
+
+/** A floor plan: what an eye sees of the walls around it, and whether two points see each other. */
+export interface Plan extends Handle {
+  /** Sets the opacity of a wall: a door that opens. */
+  setOpacity(wall: number, opacity: Opacity): void;
+  /** Whether a line leads from `a` to `b` that no wall stops. Exact. A point on a wall sees both of its sides. */
+  sees(a: Pair, b: Pair): boolean;
+  /**
+   * Where a ray from `eye` through a point ends: at a wall, or at the rectangle around the plan, with `wall` null. Null
+   * for two equal points, and for a ray that does not enter the rectangle.
+   */
+  ray(eye: Pair, through: Pair): { point: [number, number]; wall: number | null } | null;
+  /**
+   * Corners of what an eye sees, counter-clockwise, 2 numbers each. `range` is the greatest distance: infinite by
+   * default; arcs become chords inside of them.
+   */
+  polygon(eye: Pair, options?: { range?: number }): Float64Array;
+  /** Numbers of the walls that an eye sees, ascending. */
+  walls(eye: Pair, options?: { range?: number }): Uint32Array;
+  /** Numbers of the walls that are seen from somewhere in the convex hull of points, 2 numbers each, ascending. */
+  wallsFromRegion(points: Numbers): Uint32Array;
 }

@@ -40,6 +40,13 @@ const STATS_BYTES = 40;
 const COMPARISON_BYTES = 16;
 const WORK_BYTES = 48;
 const WALL_BYTES = 40;
+const WALL_HIT_BYTES = 24;
+const LIGHT_BYTES = 72;
+const RAY_HIT_BYTES = 16;
+/** Numbers of `vis_light_kind`. */
+const [DIRECTIONAL, POINT, SPOT] = [0, 1, 2];
+/** `VIS_NO_WALL` of the header. */
+const NO_WALL = 0xffffffff;
 /** Bytes of memory for arguments that are kept from call to call at most. */
 const MOST_KEPT = 1 << 24;
 
@@ -99,6 +106,9 @@ async function instantiate(source) {
   }
   const response = await fetch(source);
   if (!response.ok) throw new Error(`cannot fetch ${source}: status ${response.status}`);
+  // Compiled while it comes, where the host says what it is.
+  if (response.headers?.get("content-type") === "application/wasm" && WebAssembly.instantiateStreaming)
+    return WebAssembly.instantiateStreaming(response, {});
   return WebAssembly.instantiate(await response.arrayBuffer(), {});
 }
 
@@ -294,6 +304,29 @@ class Wasm {
   numbers(array, each, name) {
     const count = elements(array, each, name);
     return [this.put(Float64Array, array), count];
+  }
+
+  /** Puts walls of a plan: pointer and count. */
+  walls(walls) {
+    const pointer = this.borrow(walls.length * WALL_BYTES);
+    const data = this.data();
+    walls.forEach(({ from, to, opacity = Opacity.Opaque }, index) => {
+      const at = pointer + index * WALL_BYTES;
+      flatten([from, to], 2, "an end of a wall").forEach((x, i) => data.setFloat64(at + 8 * i, x, true));
+      data.setUint32(at + 32, whole(opacity, "opacity"), true);
+    });
+    return [pointer, walls.length];
+  }
+
+  /** Puts a point of a plan. */
+  pair(numbers, name) {
+    if (numbers?.length !== 2) refuse(`\`${name}\` is not a list of 2 numbers`);
+    return this.put(Float64Array, numbers);
+  }
+
+  /** Puts the corners of a box of the world in double precision: pointers to both. */
+  region({ min, max } = {}) {
+    return [this.point(min, "min"), this.point(max, "max")];
   }
 
   /** Puts convex volumes and their planes: pointer and count of both. */
@@ -498,17 +531,31 @@ class Visibility {
     });
   }
 
+  createPlan(walls) {
+    const wasm = this.#wasm;
+    return wasm.call(() => Handle.made(Plan, wasm, "plan", "vis_plan_create", ...wasm.walls(walls)));
+  }
+
+  createLevel(triangles, { twoSided = false } = {}) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const of = [wasm.put(Float32Array, triangles), elements(triangles, 9, "triangles")];
+      return Handle.made(Level, wasm, "level", "vis_level_create", ...of, bit(twoSided, "twoSided"));
+    });
+  }
+
+  readLevel(bytes) {
+    const wasm = this.#wasm;
+    return wasm.call(() => {
+      const pointer = wasm.put(Uint8Array, bytes);
+      return Handle.made(Level, wasm, "level", "vis_level_read", pointer, bytes.length);
+    });
+  }
+
   createSightCellsOfPlan(walls, { axes = [0, 1] } = {}) {
     const wasm = this.#wasm;
     return wasm.call(() => {
-      const pointer = wasm.borrow(walls.length * WALL_BYTES);
-      const data = wasm.data();
-      walls.forEach(({ from, to, opacity = Opacity.Opaque }, index) => {
-        const at = pointer + index * WALL_BYTES;
-        flatten([from, to], 2, "an end of a wall").forEach((x, i) => data.setFloat64(at + 8 * i, x, true));
-        data.setUint32(at + 32, whole(opacity, "opacity"), true);
-      });
-      const of = [pointer, walls.length, whole(axes[0], "axes"), whole(axes[1], "axes")];
+      const of = [...wasm.walls(walls), whole(axes[0], "axes"), whole(axes[1], "axes")];
       return Handle.made(SightCells, wasm, "sight_cells", "vis_sight_cells_create_of_plan", ...of);
     });
   }
@@ -579,6 +626,24 @@ class Visibility {
       return Handle.made(ScenePvs, wasm, "scene_pvs", `vis_scene_pvs_read${suffix}`, ...file, ...of);
     });
   }
+}
+
+/** Reads an object that a ray hits. */
+function rayHit(wasm, at) {
+  const data = wasm.data();
+  return { id: data.getBigUint64(at, true), distance: data.getFloat32(at + 8, true) };
+}
+
+/** Puts a light: `{ toward }` for the sun, `{ position, range }`, or with `direction` and `halfAngle` for a spot. */
+function putLight(wasm, { toward, position, direction, range = Infinity, halfAngle = 0 } = {}) {
+  const kind = toward ? DIRECTIONAL : direction ? SPOT : POINT;
+  const place = kind === DIRECTIONAL ? [0, 0, 0] : triple(position, "position");
+  const axis = kind === POINT ? [0, 0, 0] : triple(toward ?? direction, toward ? "toward" : "direction");
+  const at = wasm.borrow(LIGHT_BYTES);
+  const data = wasm.data();
+  data.setUint32(at, kind, true);
+  [...place, ...axis, range, halfAngle].forEach((x, i) => data.setFloat64(at + 8 + 8 * i, x, true));
+  return at;
 }
 
 class Scene extends Handle {
@@ -727,6 +792,53 @@ class Scene extends Handle {
     return this.wasm.number("vis_scene_prepare_occluders", this.pointer);
   }
 
+  rayHits({ origin, direction, maxDistance = Infinity, layers = ALL_LAYERS } = {}) {
+    return this.wasm.call((wasm) => {
+      const count = wasm.borrow(8);
+      const of = [...this.#ray(origin, direction), maxDistance, whole(layers, "layers")];
+      wasm.check("vis_scene_ray_hits", this.pointer, ...of, 0, 0, count);
+      const length = wasm.u32(count);
+      const hits = wasm.borrow(length * RAY_HIT_BYTES);
+      wasm.check("vis_scene_ray_hits", this.pointer, ...of, hits, length, count);
+      return Array.from({ length }, (_, i) => rayHit(wasm, hits + i * RAY_HIT_BYTES));
+    });
+  }
+
+  firstHit({ origin, direction, maxDistance = Infinity, layers = ALL_LAYERS } = {}) {
+    return this.wasm.call((wasm) => {
+      const hit = wasm.borrow(RAY_HIT_BYTES);
+      const of = [...this.#ray(origin, direction), maxDistance, whole(layers, "layers")];
+      wasm.check("vis_scene_first_hit", this.pointer, ...of, hit);
+      const found = rayHit(wasm, hit);
+      return found.id === NO_OBJECT ? null : found;
+    });
+  }
+
+  #ray(origin, direction) {
+    const put = (numbers, name) => this.wasm.put(Float32Array, triple(numbers, name));
+    return [put(origin, "origin"), put(direction, "direction")];
+  }
+
+  inBox(box, { layers = ALL_LAYERS } = {}) {
+    return this.wasm.call((wasm) =>
+      wasm.list(BigUint64Array, "vis_scene_in_box", this.pointer, wasm.box(box), whole(layers, "layers")),
+    );
+  }
+
+  seenFrom(box) {
+    return this.wasm.call((wasm) =>
+      wasm.list(Uint32Array, "vis_scene_seen_from", this.pointer, ...wasm.region(box)),
+    );
+  }
+
+  proveFrom(box, { clearance = 0, mostSteps = 0 } = {}) {
+    return this.wasm.call((wasm) => {
+      const of = [...wasm.region(box), clearance, whole(mostSteps, "mostSteps")];
+      const words = wasm.list(Uint32Array, "vis_scene_prove_from", this.pointer, ...of);
+      return { seen: words.slice(0, words.length / 2), hidden: words.slice(words.length / 2) };
+    });
+  }
+
   maintain(budget = 256) {
     return this.wasm.number("vis_scene_maintain", this.pointer, budget);
   }
@@ -810,6 +922,17 @@ class Pipeline extends Handle {
   addHorizon({ up } = {}) {
     if (up !== "y" && up !== "z") refuse("`up` is neither \"y\" nor \"z\"");
     return this.#add("horizon", Number(up === "z"));
+  }
+
+  addCasters(light) {
+    return this.wasm.call((wasm) => this.#add("casters", putLight(wasm, light)));
+  }
+
+  addZBufferOfLevel(level, { width = 0, height = 0, origin = [0, 0, 0] } = {}) {
+    return this.wasm.call((wasm) => {
+      const of = [wasm.pointer(level, "level"), wasm.point(origin, "origin")];
+      return this.#add("z_buffer_of_level", width, height, ...of);
+    });
   }
 
   setReach(metres, radians) {
@@ -1066,5 +1189,54 @@ class WhoSees extends Handle {
 
   seenBy(observer) {
     return this.wasm.list(Uint32Array, "vis_who_sees_seen_by", this.pointer, whole(observer, "observer"));
+  }
+}
+
+class Level extends Handle {
+  get bytes() {
+    return this.wasm.list(Uint8Array, "vis_level_write", this.pointer);
+  }
+}
+
+class Plan extends Handle {
+  setOpacity(wall, opacity) {
+    const parameters = [whole(wall, "wall"), whole(opacity, "opacity")];
+    this.wasm.call((wasm) => wasm.check("vis_plan_set_opacity", this.pointer, ...parameters));
+  }
+
+  sees(a, b) {
+    return this.wasm.call((wasm) =>
+      wasm.truth("vis_plan_sees", this.pointer, wasm.pair(a, "a"), wasm.pair(b, "b")),
+    );
+  }
+
+  ray(eye, through) {
+    return this.wasm.call((wasm) => {
+      const hit = wasm.borrow(WALL_HIT_BYTES);
+      wasm.check("vis_plan_ray", this.pointer, wasm.pair(eye, "eye"), wasm.pair(through, "through"), hit);
+      const data = wasm.data();
+      const point = [data.getFloat64(hit, true), data.getFloat64(hit + 8, true)];
+      const wall = data.getUint32(hit + 16, true);
+      return Number.isNaN(point[0]) ? null : { point, wall: wall === NO_WALL ? null : wall };
+    });
+  }
+
+  polygon(eye, { range = Infinity } = {}) {
+    return this.#around(Float64Array, "vis_plan_visibility_polygon", eye, range);
+  }
+
+  walls(eye, { range = Infinity } = {}) {
+    return this.#around(Uint32Array, "vis_plan_visible_walls", eye, range);
+  }
+
+  #around(Type, name, eye, range) {
+    return this.wasm.call((wasm) => wasm.list(Type, name, this.pointer, wasm.pair(eye, "eye"), range));
+  }
+
+  wallsFromRegion(points) {
+    return this.wasm.call((wasm) => {
+      const of = wasm.numbers(points, 2, "points");
+      return wasm.list(Uint32Array, "vis_plan_walls_seen_from_region", this.pointer, ...of);
+    });
   }
 }

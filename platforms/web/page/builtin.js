@@ -1,6 +1,6 @@
 // The built-in scenes as models: colours for their triangles, and the walks through them.
 
-import { Color, MeshStandardMaterial } from "three";
+import { Color, DoubleSide, MeshStandardMaterial } from "three";
 import { modelOfTriangles } from "./items.js";
 import { cameras } from "./scene.js";
 
@@ -55,7 +55,7 @@ export function builtIn(name, lists) {
       for (let i = 0; i < 9; i += 3) colors.set([r, g, b], at + i);
     }
   });
-  const material = new MeshStandardMaterial({ vertexColors: true, roughness: 0.9 });
+  const material = new MeshStandardMaterial({ vertexColors: true, roughness: 0.9, side: DoubleSide });
   const counts = lists.triangleCounts;
   const keys = cameras(lists, 1);
   const walk = keys.map(({ eye, target, fovY }) => ({

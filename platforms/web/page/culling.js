@@ -1,14 +1,16 @@
 // A model in the library: its objects and occluders, the cullers that a person has chosen, and the objects
 // that they leave for a camera.
 
-import { BackSide, DoubleSide } from "three";
+import { BackSide, DoubleSide, Vector3 } from "three";
+import { countBits } from "../package/late.js";
 import { Flag } from "../package/visibility.js";
 import { fillScene, firstTriangles, makeBuilding } from "./scene.js";
 import { isPlacedWell } from "../three/boxes.js";
 import { add, basisOf } from "./camera.js";
 import { hasItem, marginOfItem, turnTriangles } from "./items.js";
 import { pause } from "./load.js";
-import { Workers, countBits } from "./workers.js";
+import { Region, flagsOf } from "./region.js";
+import { Workers } from "./workers.js";
 
 /**
  * A mesh with more triangles hides nothing: to draw it into the z-buffer would take longer than it saves.
@@ -52,6 +54,8 @@ export class Culling {
   #leftByWorkers = [];
   #seen = new Uint32Array(0);
   #workers = null;
+  /** The worker that looks from boxes, once one is asked for. */
+  #region = null;
   /** By place, `here` and `there`: the occluders that are being made. */
   #making = {};
   #destroyed = false;
@@ -121,8 +125,9 @@ export class Culling {
       const { scene, ids } = this.#workers;
       await (this.#making.there ??= this.#giveOccluders(scene, ids, this.#there, progress));
     }
-    // What both have is not needed any more.
-    if (this.#here.isDone && this.#there.isDone && this.model) this.model.shapes = this.model.matrices = [];
+    // What both have is not needed any more, unless for what is seen from a box.
+    if (this.#here.isDone && this.#there.isDone && this.model && !this.canLookFromBox)
+      this.model.shapes = this.model.matrices = [];
   }
 
   /** Gives the objects of a scene the meshes by which they hide others, in slices between frames. */
@@ -192,6 +197,62 @@ export class Culling {
       if (name === "baked") return this.building.baked;
       return true;
     }).map(({ name }) => name);
+  }
+
+  /** Whether the model is small enough for proofs of what is seen from a box. */
+  get canLookFromBox() {
+    return Region.suits(this.objects.cost.reduce((sum, count) => sum + count, 0));
+  }
+
+  /**
+   * Finds in a worker what is seen from all of a box around an eye, whose half sides are `half`. Resolves to what
+   * `Region.look` does, with the box in the axes of the picture; null if the model is gone meanwhile.
+   */
+  async lookFromBox(eye, half, progress) {
+    const { lists } = this;
+    const give = () => (lists ? this.#trianglesOfLists() : this.#trianglesOfModel());
+    this.#region ??= new Region(this.visibility, this.#provable(), give());
+    const middle = this.#axes(eye);
+    const box = { min: middle.map((x) => x - half), max: middle.map((x) => x + half) };
+    const found = await this.#region.look(box, progress);
+    return found && { ...found, ...this.#boxOfPicture(found) };
+  }
+
+  /** The objects with the flags that proofs need. */
+  #provable() {
+    const { batches } = this.model ?? {};
+    const flags = this.lists
+      ? flagsOf(true, true)
+      : Float64Array.from(
+          batches.flatMap(({ count, seeThrough, side }) => {
+            return Array(count).fill(flagsOf(!seeThrough, side === DoubleSide));
+          }),
+        );
+    return { ...this.objects, flags };
+  }
+
+  #trianglesOfLists() {
+    const { lists } = this;
+    const first = firstTriangles(lists);
+    return (item) => lists.triangles.subarray(9 * first[item], 9 * first[item + 1]);
+  }
+
+  /** Returns a function that places the triangles of an item, with their fronts outside as they are drawn. */
+  #trianglesOfModel() {
+    const { shapes, matrices, bounds } = this.model;
+    const point = new Vector3();
+    return (item) => {
+      const { geometry, side, reach } = shapes[item];
+      const matrix = matrices[item];
+      if (!isPlacedWell(bounds, 6 * item, marginOfItem(reach, matrix))) return null;
+      const indices = geometry.index.array.slice(0, 3 * Math.floor(geometry.index.count / 3));
+      if ((side === BackSide) !== matrix.determinant() < 0) turnTriangles(indices);
+      const triangles = new Float32Array(3 * indices.length);
+      indices.forEach((vertex, i) => {
+        point.fromBufferAttribute(geometry.attributes.position, vertex).applyMatrix4(matrix).toArray(triangles, 3 * i);
+      });
+      return triangles.every(Number.isFinite) ? triangles : null;
+    };
   }
 
   /** Makes the pipeline of stages by their names. `size` is that of the scene in metres. */
@@ -276,10 +337,13 @@ export class Culling {
   /** Boxes of the bake, in the axes of the picture. */
   get bakedBoxes() {
     const boxes = this.#needs.there ? this.#workers.boxes : [];
-    return boxes.map(({ min, max }) => {
-      const [a, b] = [this.#picture(min), this.#picture(max)];
-      return { min: a.map((x, i) => Math.min(x, b[i])), max: a.map((x, i) => Math.max(x, b[i])) };
-    });
+    return boxes.map((box) => this.#boxOfPicture(box));
+  }
+
+  /** A box of the scene in the axes of the picture. */
+  #boxOfPicture({ min, max }) {
+    const [a, b] = [this.#picture(min), this.#picture(max)];
+    return { min: a.map((x, i) => Math.min(x, b[i])), max: a.map((x, i) => Math.max(x, b[i])) };
   }
 
   /** Bits of the objects of the last frame: those to draw, and those within the view. */
@@ -315,6 +379,6 @@ export class Culling {
       this.inView,
       this.view,
     ];
-    for (const handle of [...handles, this.scene, this.#workers]) handle?.destroy();
+    for (const handle of [...handles, this.scene, this.#workers, this.#region]) handle?.destroy();
   }
 }

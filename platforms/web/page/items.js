@@ -9,7 +9,6 @@ import {
   BufferAttribute,
   BufferGeometry,
   Color,
-  FrontSide,
   Matrix4,
   MeshStandardMaterial,
   Vector3,
@@ -389,6 +388,6 @@ export function modelOfTriangles({ counts, triangles, colors, material }) {
     at = end;
   }
   model.bytes.geometry = vertices * 36;
-  model.batches.push({ mesh, first: 0, count: counts.length, side: FrontSide, seeThrough: false });
+  model.batches.push({ mesh, first: 0, count: counts.length, side: material.side, seeThrough: false });
   return model;
 }

@@ -20,6 +20,8 @@ const KEYS_PER_SECOND = 2;
 const AVERAGED = 30;
 /** Milliseconds between two checks of the picture, at least. */
 const CHECK_MS = 300;
+/** Half of a side of the box that `region` looks from, as a part of the model's size. */
+const BOX_PART = 1 / 300;
 
 const query = new URLSearchParams(location.search);
 const canvas = document.getElementById("canvas");
@@ -34,7 +36,14 @@ const state = {
   /** Whether a report is being made: until it is, model, cullers and size stay. */
   reporting: false,
 };
-const toggles = { walk: !query.has("still"), freeze: false, above: false, ghosts: false, measure: true };
+const toggles = {
+  walk: !query.has("still"),
+  freeze: false,
+  above: false,
+  ghosts: false,
+  measure: true,
+  region: false,
+};
 /** For tests and for the curious: what the page is doing. */
 window.page = {
   state,
@@ -69,6 +78,8 @@ let still = null;
 let mapHeight = 80;
 /** Camera and bits that the pipeline is kept at. */
 let frozen = null;
+/** What is seen from a box around the place of an eye, while `region` is on and once it is found. */
+let region = null;
 /** Near plane distance in metres. */
 let near = 0.1;
 /** Whether a person has chosen cullers. */
@@ -119,7 +130,7 @@ async function tryToShow(name, make) {
   state.allTriangles = made.model.triangles.reduce((sum, count) => sum + count, 0);
   mapHeight = picture.size / 2;
   flyer.speed = made.speed ?? Math.max(picture.size / 25, 1e-3);
-  for (const box of ["freeze", "above", "ghosts"]) toggle(box, false);
+  for (const box of ["freeze", "above", "ghosts", "region"]) toggle(box, false);
   toggle("walk", !query.has("still"));
   // Occluders of a file are made in a worker: there may be many.
   const inWorker = made.facts && !query.has("stages") && !stagesAreChosen;
@@ -222,8 +233,35 @@ function toggle(name, on = !toggles[name]) {
   if (name === "freeze") frozen = on && state.camera ? { camera: state.camera, bits: culling.bits } : null;
   if (name === "measure") checked.signature = "";
   if (name === "walk" && on && !still && walk) goTo(key);
+  if (name === "region") lookFromBox(on);
   drawnSignature = "";
   panel.toggled(name, on);
+}
+
+/** Finds what is seen from a box around the eye, and shows it from above; or shows it no more. */
+async function lookFromBox(on) {
+  region = state.region = null;
+  const of = culling;
+  if (!on || !of || !state.camera || state.loading) {
+    toggles.region = false;
+    return;
+  }
+  const isAsked = () => toggles.region && of === culling;
+  try {
+    if (!of.canLookFromBox) throw new ModelError("the model has too many triangles for proofs");
+    toggle("above", true);
+    const half = Math.max(picture.size * BOX_PART, 2 * near);
+    const found = await of.lookFromBox(state.camera.eye, half, (text) => isAsked() && panel.say(text));
+    if (!isAsked() || !found) return;
+    region = found;
+    state.region = found.counts;
+    panel.say("");
+    drawnSignature = "";
+  } catch (error) {
+    if (!isAsked()) return;
+    toggle("region", false);
+    fail(error);
+  }
 }
 
 /** Returns the camera of this frame, after `seconds`. */
@@ -285,8 +323,8 @@ function frame(now) {
     keepPace(interval);
     drawnSignature = signature;
     const bits = frozen?.bits ?? culling.bits;
-    const boxes = toggles.above ? culling.bakedBoxes : [];
-    const options = { culled, above: toggles.above ? mapHeight : 0, ghosts: toggles.ghosts, boxes };
+    const boxes = toggles.above ? [...culling.bakedBoxes, ...(region ? [region] : [])] : [];
+    const options = { culled, above: toggles.above ? mapHeight : 0, ghosts: toggles.ghosts, boxes, region };
     Object.assign(state, picture.draw(camera, bits, options));
     state.seen = bits.seen;
     state.visible = culling.count;
@@ -385,7 +423,7 @@ document.addEventListener("visibilitychange", () => pace.restart(performance.now
 
 addEventListener("keydown", ({ code, target, ctrlKey, metaKey, altKey }) => {
   if (ctrlKey || metaKey || altKey || target.closest?.("select, input, dialog")) return;
-  const names = { KeyP: "walk", KeyV: "above", KeyX: "ghosts", KeyF: "freeze", KeyM: "measure" };
+  const names = { KeyP: "walk", KeyV: "above", KeyX: "ghosts", KeyF: "freeze", KeyM: "measure", KeyB: "region" };
   if (names[code]) toggle(names[code]);
   if (code === "KeyZ") turnUpright();
   if (code === "KeyC" && culling) {

@@ -5,7 +5,7 @@ import { megabytes } from "./load.js";
 const element = (id) => document.getElementById(id);
 const whole = (number) => number.toLocaleString("en");
 const share = (part, all) => (all > 0 ? `${((100 * part) / all).toFixed(part < all / 100 ? 1 : 0)}%` : "–");
-const TOGGLES = ["walk", "above", "ghosts", "freeze", "measure"];
+const TOGGLES = ["walk", "above", "ghosts", "freeze", "measure", "region"];
 /** Milliseconds between two changes of the figures. */
 const REFRESH_MS = 100;
 
@@ -134,6 +134,13 @@ export class Panel {
       element(`left-${name}`).textContent = `−${whole(before - left)}`;
       before = left;
     }
+    element("ofBox").hidden = !state.region;
+    element("ofView").hidden = Boolean(state.region);
+    for (const [name, count] of Object.entries(state.region ?? {})) {
+      const output = element(`box-${name}`);
+      if (output) output.textContent = whole(count);
+    }
+    if (state.region) element("box-swept").textContent = whole(state.objects - state.region.swept);
     element("details").textContent = this.#details(state, culling, model, visibility).join("\n");
   }
 

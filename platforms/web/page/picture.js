@@ -26,6 +26,10 @@ import { Outlines } from "./outlines.js";
 import { Shade } from "./shade.js";
 
 const COLORS = { seen: "#ffd166", hidden: "#ff7a45", outside: "#5b7fa6", baked: "#8fd694" };
+/** Colours, from above, of what a box sees: hidden by the sweep, proven hidden, not decided, seen by a ray. */
+const OF_BOX = { swept: "#8f4a2a", proven: "#b5489f", open: "#c9c04a", ray: "#3fa796" };
+/** How far the map's middle is ahead of the eye, as a part of half its height. */
+const AHEAD_PART = 0.4;
 const SKY = new Color("#b9cfe0");
 const GROUND = new Color("#12161b");
 
@@ -58,6 +62,12 @@ export class Picture {
       }),
       hidden: new MeshLambertMaterial({ color: "#c25a30", side: DoubleSide }),
       outside: new MeshLambertMaterial({ color: "#455970", side: DoubleSide }),
+      ...Object.fromEntries(
+        Object.entries(OF_BOX).map(([name, color]) => {
+          const light = { emissive: color, emissiveIntensity: 0.3 };
+          return [name, new MeshLambertMaterial({ color, side: DoubleSide, ...light })];
+        }),
+      ),
     };
     this.outlines = new Outlines(COLORS);
     this.lines = new LineSegments(
@@ -150,6 +160,19 @@ export class Picture {
     };
   }
 
+  /** What is not drawn from the eye, by what a box around it sees: pairs of items and material. */
+  #setsOfBox({ seen }, { sets }) {
+    const { materials } = this;
+    const { length } = this.shown;
+    const notDrawn = (make) => Uint32Array.from({ length }, (_, word) => make(word) & ~(seen[word] ?? 0));
+    return [
+      [notDrawn((word) => ~sets.swept[word]), materials.swept],
+      [notDrawn((word) => sets.hidden[word]), materials.proven],
+      [notDrawn((word) => sets.open[word]), materials.open],
+      [notDrawn((word) => sets.seen[word]), materials.ray],
+    ];
+  }
+
   /** Sets the camera of three.js to one as `Culling.cull` takes it. */
   look({ eye, target, up, fovY, aspect, near }) {
     const { camera } = this;
@@ -165,8 +188,11 @@ export class Picture {
 
   #lookDown(camera, height) {
     const { map } = this;
-    const [x, y, z] = camera.eye;
     const half = height / 2;
+    // The eye is below the middle of what it looks at: what is behind it has less room.
+    const { ahead } = basisOf(camera);
+    const y = camera.eye[1];
+    const [x, z] = [0, 2].map((k) => camera.eye[k] + half * AHEAD_PART * ahead[k]);
     // A cut a little above the eye, so that one looks into rooms; above all roofs, if the eye is.
     map.position.set(x, y + this.size / 400, z);
     map.up.set(0, 0, -1);
@@ -220,9 +246,9 @@ export class Picture {
   /**
    * Draws a frame. `camera` is where one looks from, `culled` the camera that `bits` are of. `above` is the
    * height in metres of the view from above, or 0. `ghosts` shows hidden items through those in front. `boxes` are
-   * those that a bake has done, for the view from above.
+   * those that a bake has done, for the view from above, and `region` what is seen from a box, as of `Region.look`.
    */
-  draw(camera, bits, { culled = camera, above = 0, ghosts = false, boxes = [] } = {}) {
+  draw(camera, bits, { culled = camera, above = 0, ghosts = false, boxes = [], region = null } = {}) {
     const { renderer, scene, materials } = this;
     const sets = this.sets(bits);
     const eye = above ? this.#lookDown(camera, above) : this.look(camera);
@@ -233,10 +259,13 @@ export class Picture {
     }
     this.shade.begin(above ? GROUND : SKY);
     if (above) {
-      this.show(sets.outside);
-      this.#draw(eye, materials.outside);
-      this.show(sets.hidden);
-      this.#draw(eye, materials.hidden);
+      for (const [set, material] of region ? this.#setsOfBox(bits, region) : [
+        [sets.outside, materials.outside],
+        [sets.hidden, materials.hidden],
+      ]) {
+        this.show(set);
+        this.#draw(eye, material);
+      }
     }
     this.show(bits.seen);
     renderer.info.reset();

@@ -31,7 +31,10 @@ const PLACE = `
   uniform sampler2D depth;
   uniform mat4 unproject;
   in vec2 at;
+  // The place of the pixel that is read: between two pixels, either may be.
   vec3 placeAt(vec2 uv) {
+    vec2 size = vec2(textureSize(depth, 0));
+    uv = (floor(uv * size) + 0.5) / size;
     vec4 place = unproject * vec4(2.0 * vec3(uv, textureLod(depth, uv, 0.0).r) - 1.0, 1.0);
     return place.xyz / place.w;
   }`;

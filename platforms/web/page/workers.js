@@ -1,7 +1,7 @@
 // Cullers in workers: a z-buffer and portals made from the geometry, whose answers come late, and a bake that runs
 // while one looks. What comes late hides nothing by mistake: see `../package/late.js`.
 
-import { LateAnswers, LateScene, startWorker } from "../package/late.js";
+import { LateAnswers, LateScene, countBits, startWorker } from "../package/late.js";
 
 /** Greatest angle of a turn, in radians, for which an answer is good. */
 const REACH_RADIANS = 0.15;
@@ -17,17 +17,6 @@ const AHEAD_SECONDS = [0, 0.3, 0.8, 1.6];
 const AROUND = [-1, 0, 1].flatMap((x) => [-1, 0, 1].flatMap((y) => [-1, 0, 1].map((z) => [x, y, z])));
 /** The worker that answers for frames, and the one that bakes. */
 const [FOR_FRAMES, FOR_BOXES] = [0, 1];
-
-/** Returns the number of bits that are set. */
-export function countBits(words) {
-  let count = 0;
-  for (let word of words) {
-    word -= (word >>> 1) & 0x55555555;
-    word = (word & 0x33333333) + ((word >>> 2) & 0x33333333);
-    count += (((word + (word >>> 4)) & 0x0f0f0f0f) * 0x01010101) >>> 24;
-  }
-  return count;
-}
 
 /** The boxes of a grid, and what is hidden from all points of each: made by a worker, nearest first. */
 class Bake {

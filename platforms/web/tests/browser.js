@@ -161,6 +161,35 @@ async function workers(tab) {
   assert.equal(horizon.visible, 2, "objects that the horizon leaves");
 }
 
+/** What a box around the eye sees: the counts of sweep, rays and proofs add up, and none contradicts another. */
+async function boxes(tab) {
+  const sees = async (statement, name) => {
+    await tab.act(statement);
+    await tab.act(`page.toggle("region", true)`);
+    await tab.until(`page.state.region || page.state.errors > 0`);
+    const { region, objects, visible, errors } = await tab.act();
+    assert.equal(errors, 0, `${name}: errors`);
+    assert.equal(await tab.page.evaluate("page.toggles.above"), true, `${name}: shown from above`);
+    assert.equal(region.wrong, 0, `${name}: seen by a ray, and hidden by the sweep`);
+    assert.equal(region.seen + region.hidden + region.open, region.swept, `${name}: ${JSON.stringify(region)}`);
+    assert.ok(region.swept <= objects, `${name}: ${JSON.stringify(region)}`);
+    await save(tab, name);
+    await tab.act(`page.toggle("region", false); page.toggle("above", false)`);
+    return { ...region, visible };
+  };
+  const office = await sees(`page.chooseStages(["frustum", "zbuffer"]); page.goTo(0)`, "office-box");
+  assert.ok(office.seen > 10 && office.swept < 600 && office.hidden > 10, `office: ${JSON.stringify(office)}`);
+  await writeWall(`${pictures}/wall.glb`);
+  await tab.openFiles(`${pictures}/wall.glb`);
+  // 36 boxes are behind the wall as seen from near the middle of its front; the wall and the red box are not.
+  const front = `page.chooseStages(["frustum"]); page.lookFrom([0, 3, 10], [0, 3, 0])`;
+  const wall = await sees(front, "wall-box");
+  assert.deepEqual([wall.seen, wall.swept - wall.hidden], [2, 2], `wall: ${JSON.stringify(wall)}`);
+  // From behind, nothing hides them all.
+  const behind = await sees(`page.lookFrom([0, 3, -30], [0, 3, 0])`, "wall-box-behind");
+  assert.ok(behind.seen > 10, `behind: ${JSON.stringify(behind)}`);
+}
+
 /** Surfaces of one side whose node, or whose instance, is mirrored: the library has the sides of the picture. */
 async function mirrors(tab) {
   const path = `${pictures}/mirrored.glb`;
@@ -438,6 +467,7 @@ try {
   const tests = [
     [files, OFFICE],
     [workers, OFFICE],
+    [boxes, OFFICE],
     [mirrors, OFFICE],
     [straightDown, OFFICE],
     [looseObjects, OFFICE],

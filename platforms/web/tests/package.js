@@ -373,6 +373,95 @@ for (const simd128 of [false, true]) {
     assert.throws(() => who.seenBy(0.5), refused("ARGUMENT", /`observer` is not a whole number/));
   });
 
+  test(say("a plan tells what an eye sees, and a door opens"), () => {
+    // A wall across, 2 wide at x = 5, and one behind it, 1 wide at x = 9.
+    const walls = [
+      { from: [5, -1], to: [5, 1] },
+      { from: [9, -0.5], to: [9, 0.5], opacity: Opacity.Clear },
+    ];
+    const plan = visibility.createPlan(walls);
+    assert.deepEqual([plan.sees([0, 0], [9, 0]), plan.sees([0, 0], [9, 5])], [false, true]);
+    assert.deepEqual([...plan.walls([0, 0])], [0]);
+    assert.deepEqual(plan.ray([0, 0], [1, 0]), { point: [5, 0], wall: 0 });
+    assert.equal(plan.ray([4, 0], [5, 5]).wall, null);
+    assert.equal(plan.ray([0, 0], [0, 0]), null);
+    assert.deepEqual([...plan.wallsFromRegion([4.5, 0])], [0]);
+    assert.deepEqual([...plan.wallsFromRegion([4.5, -1.5, 4.5, 1.5])], [0, 1]);
+    const distances = (corners) =>
+      [...corners.filter((_, i) => i % 2 === 0)].map((x, i) => Math.hypot(x - 7, corners[2 * i + 1]));
+    const corners = plan.polygon([7, 0], { range: 1.5 });
+    assert.ok(corners.length > 20 && distances(corners).every((distance) => distance < 1.5001));
+    assert.ok(Math.max(...plan.polygon([7, 0])) > 9.4, "through the clear wall");
+    plan.setOpacity(0, Opacity.Clear);
+    assert.deepEqual([plan.sees([0, 0], [9, 0]), ...plan.walls([0, 0])], [true, 0, 1]);
+    // From the left of a wall to its right: from -x to +x along -y, from +x to -x along +y.
+    plan.setOpacity(0, Opacity.OneWay);
+    assert.deepEqual([plan.sees([0, 0], [8, 0]), plan.sees([8, 0], [0, 0])], [true, false]);
+    assert.throws(() => plan.setOpacity(2, Opacity.Opaque), refused("UNKNOWN_ID", /2/));
+    assert.throws(() => plan.sees([0, 0, 0], [1, 1]), refused("ARGUMENT", /`a` is not a list of 2/));
+    assert.throws(() => plan.sees([0, NaN], [1, 1]), refused("ARGUMENT", /NaN/));
+    assert.throws(() => visibility.createPlan([{ from: [0, 0], to: [1, 0], opacity: 3 }]), refused("ARGUMENT", /3/));
+  });
+
+  test(say("a region sees what is not behind the wall for all of it"), () => {
+    const { scene, wall, lamp } = street();
+    const [x, y] = [4, 9];
+    scene.setTriangles(lamp, [7, -1, -1, 7, 1, -1, 7, 1, 1]);
+    scene.setTriangles(wall, [x, -y, -y, x, y, -y, x, y, y, x, -y, -y, x, y, y, x, -y, y]);
+    const before = { min: [-1, -1, -1], max: [1, 1, 1] };
+    const around = { min: [-1, -1, -1], max: [6, 1, 1] };
+    assert.deepEqual([[...scene.seenFrom(before)], [...scene.seenFrom(around)]], [[0b01], [0b11]]);
+    const words = ({ seen, hidden }) => [...seen, ...hidden];
+    assert.deepEqual(words(scene.proveFrom(before)), [0b01, 0b10]);
+    assert.deepEqual(words(scene.proveFrom(before, { mostSteps: 1 })), [0, 0]);
+    assert.deepEqual(words(scene.proveFrom(around)), [0b11, 0]);
+    assert.throws(() => scene.seenFrom({ min: [2, 0, 0], max: [1, 0, 0] }), refused("ARGUMENT", /inverted/));
+    assert.throws(() => scene.proveFrom(before, { clearance: -1 }), refused("ARGUMENT", /clearance/));
+  });
+
+  test(say("queries, casters and occluders of a level"), () => {
+    const { scene, wall, lamp, view, visible } = street();
+    const ray = { origin: [0, 0, 0], direction: [2, 0, 0] };
+    const hits = scene.rayHits(ray);
+    assert.deepEqual(hits.map(({ id }) => id), [wall, lamp]);
+    assert.ok(hits.every(({ distance }, i) => distance > [3.99, 6.99][i] && distance <= [4, 7][i]));
+    assert.equal(scene.firstHit(ray).id, wall);
+    assert.equal(scene.firstHit({ ...ray, maxDistance: 3 }), null);
+    assert.equal(scene.firstHit({ ...ray, direction: [-1, 0, 0] }), null);
+    assert.deepEqual([...scene.inBox({ min: [6, 0, 0], max: [9, 9, 9] })], [lamp]);
+    assert.deepEqual([...scene.inBox(WALL, { layers: 0 })], []);
+    assert.throws(() => scene.firstHit({ origin: [0, 0, 0], direction: [0, 0, 0] }), refused("ARGUMENT", /direction/));
+
+    const casters = (light) => {
+      visibility.createPipeline().addCasters(light).cull(scene, view, visible);
+      return visible.bits[0];
+    };
+    view.setPerspective({ ...CAMERA, far: 3 });
+    assert.equal(casters({ toward: [1, 0, 0] }), 0b11);
+    assert.equal(casters({ toward: [-1, 0, 0] }), 0b00);
+    assert.equal(casters({ position: [20, 0, 0] }), 0b11);
+    // The wall ends 15 m from the light, the lamp 12 m.
+    assert.equal(casters({ position: [20, 0, 0], range: 13 }), 0b10);
+    assert.equal(casters({ position: [20, 0, 0], direction: [0, 1, 0], halfAngle: 0.2 }), 0b00);
+    assert.throws(() => casters({ toward: [0, 0, 0] }), refused("ARGUMENT", /direction/));
+    assert.throws(() => casters({}), refused("ARGUMENT", /position/));
+
+    // The wall hides nothing; a level of two triangles at x = 6 does.
+    scene.setFlags(wall, 0);
+    view.setPerspective(CAMERA);
+    const triangles = [6, -9, -9, 6, 9, -9, 6, 9, 9, 6, -9, -9, 6, 9, 9, 6, -9, 9];
+    const level = visibility.createLevel(triangles, { twoSided: true });
+    const seen = (level, options) => {
+      visibility.createPipeline().addFrustum().addZBufferOfLevel(level, options).cull(scene, view, visible);
+      return visible.bits[0];
+    };
+    assert.equal(seen(level), 0b01);
+    assert.equal(seen(visibility.readLevel(level.bytes)), 0b01);
+    assert.equal(seen(level, { origin: [3, 0, 0] }), 0b11);
+    assert.throws(() => visibility.readLevel(level.bytes.slice(1)), refused("FORMAT", /./));
+    assert.throws(() => visibility.createLevel([1, 2]), refused("ARGUMENT", /multiple of 9/));
+  });
+
   test(say("errors name what is wrong"), () => {
     const { scene, wall, view, visible } = street();
     assert.throws(
@@ -548,6 +637,14 @@ test("the README's program runs", async () => {
   const names = { Depth, Flag, indexOf, load, console: { log: (line) => lines.push(line) } };
   await new AsyncFunction(...Object.keys(names), body)(...Object.values(names));
   assert.deepEqual(lines, ["draw object 0", "object 1 is behind the wall"]);
+  const [, plans] = readme.match(/^```js\n(const plan =[\s\S]*?)^```$/m);
+  const visibility = await load();
+  const scene = visibility.createScene();
+  scene.insert({ bounds: WALL });
+  const given = { Opacity, visibility, scene, triangles: [4, -9, -9, 4, 9, -9, 4, 9, 9] };
+  const both = `${plans}; return { plan, level };`;
+  const made = await new AsyncFunction(...Object.keys(given), both)(...Object.values(given));
+  assert.deepEqual([made.plan.sees([0, 0], [9, 5]), made.level.bytes.length > 50], [true, true]);
 });
 
 test("the declaration names what there is", async () => {

@@ -170,6 +170,17 @@ export class Shape {
     );
   }
 
+  /** Number of triangles, if they can be read. */
+  get triangleCount() {
+    const { range, index, position } = this;
+    return Math.floor((range ?? index ?? position)?.count / 3) || 0;
+  }
+
+  /** Whether it is known which occluder mesh there is for a surface. */
+  isMade(surface) {
+    return this.#meshes.has(surface);
+  }
+
   /** Returns the id of the occluder mesh for a surface, or null if there is none. */
   mesh(scene, surface, maxTriangles) {
     let mesh = this.#meshes.get(surface);
@@ -181,31 +192,9 @@ export class Shape {
   }
 
   #makeMesh(scene, surface, maxTriangles) {
-    const { position, index, drawRange } = this;
-    if (drawRange.start !== 0 || drawRange.count !== Infinity || !isReadable(position)) return null;
-    if (index && !index.array) return null;
-    const { start, count, vertexStart, vertexCount } = this.range ?? {
-      start: 0,
-      count: (index ?? position).count,
-      vertexStart: 0,
-      vertexCount: position.count,
-    };
-    const triangles = Math.floor(count / 3);
-    if (triangles === 0 || triangles > maxTriangles) return null;
-    const positions = new Float32Array(3 * vertexCount);
-    for (let i = 0; i < vertexCount; i++) {
-      positions[3 * i] = position.getX(vertexStart + i);
-      positions[3 * i + 1] = position.getY(vertexStart + i);
-      positions[3 * i + 2] = position.getZ(vertexStart + i);
-    }
-    const indices = new Uint32Array(3 * triangles);
-    for (let i = 0; i < indices.length; i++) {
-      const vertex = (index ? index.getX(start + i) : start + i) - vertexStart;
-      // No triangle of a damaged geometry hides anything.
-      if (!(vertex >= 0 && vertex < vertexCount)) return null;
-      indices[i] = vertex;
-    }
-    if (!positions.every(Number.isFinite)) return null;
+    const made = trianglesOf(this, maxTriangles);
+    if (made === null) return null;
+    const { positions, indices } = made;
     this.sphere ??= sphereOfPoints(positions, this.box);
     if (surface === Surface.Back) {
       for (let i = 0; i < indices.length; i += 3) [indices[i], indices[i + 1]] = [indices[i + 1], indices[i]];
@@ -218,6 +207,38 @@ export class Shape {
     for (const mesh of this.#meshes.values()) if (mesh !== null) scene.removeMesh(mesh);
     this.#meshes.clear();
   }
+}
+
+/**
+ * Returns the vertices and the triangles of a shape, for occluder meshes and plans: 3 numbers a vertex, 3 indices a
+ * triangle. Null if it has none, more than `maxTriangles`, or such as cannot be read or are not finite: then nothing
+ * of it hides.
+ */
+export function trianglesOf({ position, index, drawRange, range }, maxTriangles) {
+  if (drawRange.start !== 0 || drawRange.count !== Infinity || !isReadable(position)) return null;
+  if (index && !index.array) return null;
+  const { start, count, vertexStart, vertexCount } = range ?? {
+    start: 0,
+    count: (index ?? position).count,
+    vertexStart: 0,
+    vertexCount: position.count,
+  };
+  const triangles = Math.floor(count / 3);
+  if (triangles === 0 || triangles > maxTriangles) return null;
+  const positions = new Float32Array(3 * vertexCount);
+  for (let i = 0; i < vertexCount; i++) {
+    positions[3 * i] = position.getX(vertexStart + i);
+    positions[3 * i + 1] = position.getY(vertexStart + i);
+    positions[3 * i + 2] = position.getZ(vertexStart + i);
+  }
+  const indices = new Uint32Array(3 * triangles);
+  for (let i = 0; i < indices.length; i++) {
+    const vertex = (index ? index.getX(start + i) : start + i) - vertexStart;
+    // No triangle of a damaged geometry hides anything.
+    if (!(vertex >= 0 && vertex < vertexCount)) return null;
+    indices[i] = vertex;
+  }
+  return positions.every(Number.isFinite) ? { positions, indices } : null;
 }
 
 function addPoint(box, x, y, z) {

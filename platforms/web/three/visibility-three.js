@@ -13,7 +13,7 @@
 
 import { BatchedMesh, LOD, Matrix4, Mesh, Object3D } from "three";
 import { Flag, indexOf, load } from "visibility-web";
-import { LateAnswers, LateScene, startWorker } from "visibility-web/late.js";
+import { LateAnswers, LateScene, countBits, startWorker } from "visibility-web/late.js";
 import { EMPTY, isPlacedWell, moveBox, place, skinnedBox } from "./boxes.js";
 import {
   ALL,
@@ -36,17 +36,8 @@ import { Shape, Surface, Surfaces, bonesOf, sideOf } from "./surfaces.js";
 import { setView } from "./view.js";
 
 const matrix = new Matrix4();
-
-/** Returns the number of bits that are set. */
-function countBits(words) {
-  let count = 0;
-  for (let word of words) {
-    word -= (word >>> 1) & 0x55555555;
-    word = (word & 0x33333333) + ((word >>> 2) & 0x33333333);
-    count += (((word + (word >>> 4)) & 0x0f0f0f0f) * 0x01010101) >>> 24;
-  }
-  return count;
-}
+/** Triangles of new occluder meshes of a frame, with those of the last mesh beyond: some ten milliseconds of work. */
+const MOST_NEW_TRIANGLES = 1 << 17;
 
 /** See `visibility-three.d.ts`. */
 export class VisibilityCulling {
@@ -80,6 +71,8 @@ export class VisibilityCulling {
   #unused = new Set();
   /** Whether planes of the renderer cut what is drawn. */
   #isClipped = false;
+  /** Triangles of new occluder meshes that this frame has left. */
+  #newTriangles = 0;
   /** Entries to be added to the library, and those that have moved. */
   #added = [];
   #moved = [];
@@ -251,6 +244,7 @@ export class VisibilityCulling {
     this.#frame++;
     this.#surfaces.begin();
     this.#met = 0;
+    this.#newTriangles = MOST_NEW_TRIANGLES;
     this.#isSameOrder = this.#isFollowed;
     this.#isFollowed = false;
     for (const entry of this.#added) entry.geometry = null;
@@ -570,7 +564,13 @@ export class VisibilityCulling {
       // The graphics card takes the front for the back if an instance is mirrored, beside its mesh.
       const isMirrored = many !== null && !(matrix.determinant() * object.matrixWorld.determinant() > 0);
       if (isMirrored && surface !== Surface.Double) continue;
-      const mesh = own.mesh(this.#followed, surface, this.#options.maxOccluderTriangles);
+      const { maxOccluderTriangles } = this.#options;
+      if (!own.isMade(surface) && own.triangleCount <= maxOccluderTriangles) {
+        // The entry hides nothing before all of it does.
+        if (this.#newTriangles <= 0) return this.#stopHiding(entry);
+        this.#newTriangles -= own.triangleCount;
+      }
+      const mesh = own.mesh(this.#followed, surface, maxOccluderTriangles);
       if (mesh === null) continue;
       for (let k = 0; k < 3; k++) matrix.elements[12 + k] -= this.#origin[k];
       if (!matrix.elements.every((x) => Number.isFinite(Math.fround(x)))) continue;

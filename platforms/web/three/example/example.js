@@ -1,5 +1,6 @@
 // A walk through 50,000 objects, drawn by three.js with its own culling and with `visibility-three`, side by
-// side: in turns, so that both have the same camera, and in two pictures whose pixels are compared.
+// side: in turns, so that both have the same camera, and in two pictures whose pixels are compared. Frames a second are
+// measured of one side alone.
 
 import * as THREE from "three";
 import { VisibilityCulling } from "visibility-three";
@@ -9,6 +10,12 @@ import { fillTown, pathThrough } from "./town.js";
 const AVERAGED = 20;
 const COMPARED_EVERY = 20;
 const PICTURE = { width: 640, height: 360 };
+/** Seconds of the walk, which is 21 m a second fast, that pass in a second: while it is measured, at a person's pace. */
+const [PACE, MEASURED_PACE] = [1, 1.5 / 21];
+/** Frames that a measurement waits for the worker's first answer. */
+const MOST_AWAITED = 8;
+/** Distance and angle from its camera up to which an answer of the worker is used. */
+const WORKER = { metres: 1, degrees: 12 };
 
 const element = (id) => document.getElementById(id);
 const query = new URLSearchParams(location.search);
@@ -20,7 +27,14 @@ const fail = (error) => {
 };
 /** For tests: what the page shows. `wrong` is the number of pixels that differ, in all comparisons so far. */
 const state = { errors: 0, frames: 0, compared: 0, wrong: 0, three: {}, visibility: {} };
-window.example = { state, goTo: (at) => ((time = at), (element("walk").checked = false)) };
+window.example = {
+  state,
+  goTo: (at) => ((time = at), (element("walk").checked = false)),
+  choose,
+  measure,
+  compare,
+  compareWithout,
+};
 addEventListener("error", ({ error }) => fail(error));
 addEventListener("unhandledrejection", ({ reason }) => fail(reason));
 
@@ -34,11 +48,19 @@ const pictures = ["three", "visibility"].map(
 
 let scene,
   culling,
-  time = 0,
+  time = 4,
   last = performance.now();
 
-async function build(kind) {
+/** Chooses how the objects are made, and whether the z-buffer is drawn in a worker. */
+function choose(kind, inWorker) {
+  element("kind").value = kind;
+  element("culling").value = inWorker ? "worker" : "on";
+  return build(kind, inWorker);
+}
+
+async function build(kind, inWorker = element("culling").value === "worker") {
   culling?.dispose();
+  culling = null;
   scene = new THREE.Scene();
   scene.background = new THREE.Color(0x9db8cc);
   scene.fog = new THREE.Fog(0x9db8cc, 100, 900);
@@ -47,15 +69,16 @@ async function build(kind) {
   sun.castShadow = true;
   Object.assign(sun.shadow.camera, { left: -60, right: 60, top: 60, bottom: -60, far: 300 });
   sun.shadow.mapSize.set(1024, 1024);
-  scene.add(sun, sun.target, new THREE.HemisphereLight(0xcfe4ff, 0x665544, 1.2));
+  scene.add(sun, sun.target, new THREE.HemisphereLight(0xdfeaf5, 0x8a7d6e, 2.4));
   fillTown(scene, COUNT, kind);
   // This line is all that a program needs.
-  culling = new VisibilityCulling(scene, camera, query.has("worker") ? { worker: {} } : {});
+  const made = new VisibilityCulling(scene, camera, inWorker ? { worker: WORKER } : {});
   // The map shows what that camera sees.
-  culling.addCamera(map, camera);
-  await culling.ready;
-  for (const side of ["three", "visibility"]) state[side] = { times: [], cullingTimes: [] };
-  Object.assign(state, { frames: 0, compared: 0, wrong: 0, kind });
+  made.addCamera(map, camera);
+  await made.ready;
+  for (const side of ["three", "visibility"]) state[side] = { times: [], cullingTimes: [], fps: null };
+  Object.assign(state, { frames: 0, compared: 0, wrong: 0, kind, inWorker });
+  culling = made;
 }
 
 /** Adds a time to a list, and returns the average of the last ones. */
@@ -78,10 +101,59 @@ function draw(side) {
   counts.triangles = renderer.info.render.triangles;
 }
 
-/** Number of pixels that differ between the picture with everything and that without what is hidden. */
-function compare() {
+/** What is measured at present: one side alone, with the times of its frames. */
+let measured = null;
+
+/** Walks on and draws one side alone for so many seconds: `fps`, with each picture waited for, and CPU ms. */
+function measure(side, seconds) {
+  return new Promise((resolve) => (measured = { side, seconds, resolve, begun: null, times: [], late: 0 }));
+}
+
+function drawMeasured() {
+  const { side, seconds, times } = measured;
+  culling.enabled = side === "visibility";
+  const start = performance.now();
+  renderer.render(scene, camera);
+  times.push(performance.now() - start);
+  // Reading a pixel waits for the picture.
+  const gl = renderer.getContext();
+  gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+  // Shaders and buffers come with the first frame, the worker's first answer some frames later.
+  const isWaiting = culling.enabled && culling.stats.late?.isUsed === false && times.length < MOST_AWAITED;
+  if (measured.begun === null && isWaiting) return;
+  if (measured.begun === null) {
+    [measured.begun, measured.times] = [performance.now(), []];
+    return;
+  }
+  if (culling.stats.late && !culling.stats.late.isUsed) measured.late++;
+  const elapsed = (performance.now() - measured.begun) / 1000;
+  if (elapsed < seconds) return;
+  const { calls, triangles } = renderer.info.render;
+  const { hidden, followMs, cullMs, applyMs } = culling.stats;
+  const ms = times.slice().sort((a, b) => a - b)[times.length >> 1];
+  const fps = times.length / elapsed;
+  state[side].fps = fps;
+  const { late, resolve } = measured;
+  measured = null;
+  resolve({ fps, ms, calls, triangles, hidden, frames: times.length, late, cullingMs: followMs + cullMs + applyMs });
+}
+
+/** Number of pixels that differ if an object is left out by mistake as well: for tests that mistakes are seen. */
+function compareWithout(name) {
+  const before = { wrong: state.wrong, compared: state.compared };
+  const object = scene.getObjectByName(name);
+  compare((isCulled) => (object.visible = !isCulled));
+  object.visible = true;
+  const found = state.wrong - before.wrong;
+  Object.assign(state, before);
+  return found;
+}
+
+/** Counts pixels that differ between the picture with everything and that without what is hidden. */
+function compare(spoil = () => {}) {
   const pixels = pictures.map((target, i) => {
     culling.enabled = i === 1;
+    spoil(i === 1);
     renderer.setRenderTarget(target);
     renderer.render(scene, camera);
     const bytes = new Uint8Array(4 * PICTURE.width * PICTURE.height);
@@ -106,22 +178,22 @@ const number = (count) => count.toLocaleString("en");
 
 function show() {
   const rows = [
+    ["frames a second", ({ fps }) => (fps ? fps.toFixed(1) : "–")],
     ["CPU ms a frame", ({ ms }) => ms.toFixed(1)],
     ["draw calls", ({ calls }) => number(calls)],
     ["triangles", ({ triangles }) => number(triangles)],
   ];
   const lines = rows.map(
-    ([name, value]) =>
-      `<tr><th>${name}</th><td>${value(state.three)}</td><td>${value(state.visibility)}</td></tr>`,
+    ([name, value]) => `<tr><th>${name}</th><td>${value(state.three)}</td><td>${value(state.visibility)}</td></tr>`,
   );
   const { stats } = culling;
   lines.push(`<tr><th>hidden of ${number(stats.objects)}</th><td></td><td>${number(stats.hidden)}</td></tr>`);
-  lines.push(
-    `<tr><th>culling itself, ms</th><td></td><td>${state.visibility.cullingMs.toFixed(1)}</td></tr>`,
-  );
+  lines.push(`<tr><th>culling itself, ms</th><td></td><td>${state.visibility.cullingMs.toFixed(1)}</td></tr>`);
   if (stats.late) {
     const { isUsed, reason, ageMs } = stats.late;
-    lines.push(`<tr><th>answer of the worker</th><td></td><td>${isUsed ? `${ageMs.toFixed(0)} ms old` : reason}</td></tr>`);
+    lines.push(
+      `<tr><th>answer of the worker</th><td></td><td>${isUsed ? `${ageMs.toFixed(0)} ms old` : reason}</td></tr>`,
+    );
   }
   lines.push(`<tr><th>wrong pixels in ${state.compared} pictures</th><td></td><td>${state.wrong}</td></tr>`);
   element("table").innerHTML = lines.join("");
@@ -129,8 +201,9 @@ function show() {
 
 function frame(now) {
   requestAnimationFrame(frame);
-  if (!culling) return;
-  if (element("walk").checked) time += Math.min(now - last, 100) / 1000;
+  // `?paused` draws what is measured alone.
+  if (!culling || (query.has("paused") && !measured)) return;
+  if (element("walk").checked) time += ((measured ? MEASURED_PACE : PACE) * Math.min(now - last, 100)) / 1000;
   last = now;
   const { clientWidth, clientHeight } = renderer.domElement;
   if (renderer.domElement.width !== clientWidth || renderer.domElement.height !== clientHeight)
@@ -142,8 +215,9 @@ function frame(now) {
   const sun = scene.children.find((child) => child.isDirectionalLight);
   sun.target.position.copy(camera.position);
   sun.position.copy(camera.position).add(new THREE.Vector3(60, 120, 40));
+  if (measured) return drawMeasured();
   // The side that is looked at is drawn last. The other is drawn now and then, for its counters.
-  const chosen = element("culling").value === "on" ? "visibility" : "three";
+  const chosen = element("culling").value === "off" ? "three" : "visibility";
   if (state.frames % COMPARED_EVERY === 0) compare();
   if (state.frames % 2 === 0) draw(chosen === "three" ? "visibility" : "three");
   draw(chosen);
@@ -152,7 +226,18 @@ function frame(now) {
   show();
 }
 
+element("count").textContent = number(COUNT);
 element("kind").value = query.get("kind") ?? "meshes";
-element("kind").onchange = () => build(element("kind").value).catch(fail);
+element("culling").value = query.has("worker") ? "worker" : "on";
+const rebuild = () => build(element("kind").value).catch(fail);
+element("kind").onchange = rebuild;
+element("culling").onchange = () => {
+  if (state.inWorker !== (element("culling").value === "worker")) rebuild();
+};
+element("measure").onclick = async () => {
+  element("measure").disabled = true;
+  for (const side of ["three", "visibility"]) await measure(side, 4);
+  element("measure").disabled = false;
+};
 await build(element("kind").value);
 requestAnimationFrame(frame);

@@ -28,7 +28,8 @@ export function fillTown(scene, count, as) {
   const between = (a, b) => a + (b - a) * random();
   const all = kinds();
   const places = all.map(() => []);
-  const row = Math.ceil(Math.sqrt(count / (AROUND + 1)));
+  // An odd number, so that the walk is in streets.
+  const row = Math.ceil(Math.sqrt(count / (AROUND + 1))) | 1;
   const middle = ((row - 1) * PITCH) / 2;
   for (let i = 0, at = 0; at < count; i++) {
     const x = (i % row) * PITCH - middle;
@@ -96,6 +97,7 @@ export function fillTown(scene, count, as) {
   const ground = add(
     new THREE.Mesh(new THREE.PlaneGeometry(size, size).rotateX(-Math.PI / 2), material(0x77746c)),
   );
+  ground.name = "ground";
   ground.position.y = -0.01;
 }
 

@@ -4,6 +4,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import * as THREE from "three";
+import { load } from "visibility-web";
 import { VisibilityCulling } from "../visibility-three.js";
 import { seenBy } from "./oracle.js";
 import { render } from "./renderer.js";
@@ -760,6 +761,40 @@ test("clip planes of the renderer cut occluders", async () => {
   assert.ok(cut(new THREE.Plane(new THREE.Vector3(1, 0, 0), 0.1)).has(lamp, 0));
   assert.equal(cut(new THREE.Plane(new THREE.Vector3(0, 0, -1), 5)).has(lamp, 0), false);
   assert.ok(cut(...Array(11).fill(new THREE.Plane(new THREE.Vector3(0, 0, -1), 5))).has(lamp, 0), "too many");
+  culling.dispose();
+});
+
+test("many new occluders are made over several frames, in which nothing that a ray meets is hidden", async () => {
+  const { scene, lamp, camera } = street();
+  // Before the wall, 20 spheres of 15,872 triangles: 9 of them are made in a frame, the wall is the first.
+  for (let i = 0; i < 20; i++) {
+    const sphere = new THREE.Mesh(new THREE.SphereGeometry(0.5, 128, 63), grey());
+    sphere.position.set(i - 10, 2 * (i % 3) - 2, -7);
+    const hidden = new THREE.Mesh(BOX, grey());
+    hidden.position.set(i - 10, 2 * (i % 3) - 2, -8);
+    hidden.scale.setScalar(0.2);
+    scene.add(sphere, hidden);
+  }
+  const visibility = await load({ frames: true });
+  const counts = [];
+  const followed = visibility.createScene();
+  visibility.createScene = () => followed;
+  const { addMesh } = Object.getPrototypeOf(followed);
+  followed.addMesh = function (mesh) {
+    counts[counts.length - 1] += mesh.indices.length / 3;
+    return addMesh.call(this, mesh);
+  };
+  const culling = await culled(scene, camera, { visibility });
+  const random = randomOf(2);
+  for (let frame = 0; frame < 4; frame++) {
+    counts.push(0);
+    const { drawn } = render(scene, camera);
+    for (const [object, instance] of seenBy(scene, camera, 16, 9, random))
+      assert.ok(drawn.has(object, instance), `frame ${frame} draws what a ray meets`);
+    assert.ok(!drawn.has(lamp, 0), `frame ${frame}: the wall is an occluder from the first frame on`);
+  }
+  const sphere = 15872;
+  assert.deepEqual(counts, [12 + 9 * sphere, 9 * sphere, 2 * sphere, 0], "triangles of new occluders");
   culling.dispose();
 });
 

@@ -1,10 +1,10 @@
 //! Cells and portals of buildings: graphs, doors, and portal culling with cells that pipelines share.
 
+use super::pvs::vis_pvs;
+use super::volume::{range, vis_volume, volumes};
 use crate::error::{Error, border, vis_status};
 use crate::pointer::{array, create, destroy, optional_out, out, reference};
-use crate::pvs::vis_pvs;
 use crate::scene::vis_scene;
-use crate::volume::{range, vis_volume, volumes};
 use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use visibility_core::bake::Bake;
 use visibility_core::cells::{CellGraph, CellId, PortalId};

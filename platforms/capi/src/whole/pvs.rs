@@ -1,9 +1,9 @@
 //! Baked sets: the targets that may be visible from each viewcell.
 
+use super::volume::{vis_volume, volumes};
 use crate::error::{Error, border, vis_status};
 use crate::pointer::{array, buffer, create, destroy, out, reference};
 use crate::scene::vis_scene;
-use crate::volume::{vis_volume, volumes};
 use std::sync::Arc;
 use visibility_bake::BakedSet;
 use visibility_core::ObjectId;

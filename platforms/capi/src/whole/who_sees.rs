@@ -1,16 +1,16 @@
 //! Who sees whom: observers and targets that move, many of each, in one call.
 
-use crate::cells::vis_graph;
+use super::cells::vis_graph;
+use super::online::{lock, vis_online};
+use super::plan::{opacity, plan_of, vis_wall};
+use super::pvs::vis_pvs;
+use super::volume::{vis_volume, volumes};
 use crate::error::{Error, border, vis_status, vis_status::*};
 use crate::handle::Guarded;
-use crate::online::{lock, vis_online};
 use crate::pointer::{array, buffer, create, destroy, out, reference};
-use crate::pvs::vis_pvs;
 use crate::scene::vis_scene;
-use crate::volume::{vis_volume, volumes};
 use std::sync::{Arc, Mutex};
-use vis_opacity::*;
-use visibility_2d::cdt::{Opacity, Plan, PlanCells, Wall};
+use visibility_2d::cdt::PlanCells;
 use visibility_core::ObjectId;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::{Viewcell, Viewcells};
@@ -31,42 +31,6 @@ enum Cells {
 /// Observers and targets of one tick, with the answer which of them see which. Keeps what it can for the
 /// next.
 pub struct vis_who_sees(Guarded<WhoSees>);
-
-/// Effect of a wall on lines of sight that cross it.
-#[repr(C)]
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum vis_opacity {
-    /// Lines of sight end at the wall: a solid wall, a closed door.
-    VIS_OPACITY_OPAQUE = 0,
-    /// Lines of sight pass: glass, an open door, or a line that makes the cells of a large room smaller.
-    VIS_OPACITY_CLEAR = 1,
-    /// Lines of sight pass from the left of the wall to its right, as seen along it from its first end, and
-    /// end when they come from the right.
-    VIS_OPACITY_ONE_WAY = 2,
-}
-
-/// Returns the opacity of a number.
-fn opacity(number: u32) -> Result<Opacity, Error> {
-    const ALL: [(vis_opacity, Opacity); 3] = [
-        (VIS_OPACITY_OPAQUE, Opacity::Opaque),
-        (VIS_OPACITY_CLEAR, Opacity::Clear),
-        (VIS_OPACITY_ONE_WAY, Opacity::OneWay),
-    ];
-    let known = ALL.iter().find(|(known, _)| *known as u32 == number);
-    known.map(|known| known.1).ok_or_else(|| Error::argument(format_args!("{number} is no vis_opacity")))
-}
-
-/// Wall of a floor plan: a segment that is as high as the level.
-#[repr(C)]
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct vis_wall {
-    /// First end: the plan's x and y.
-    pub from: [f64; 2],
-    /// Second end.
-    pub to: [f64; 2],
-    /// A `vis_opacity`.
-    pub opacity: u32,
-}
 
 /// Where a mover may be until the answer is used.
 #[repr(C)]
@@ -121,9 +85,7 @@ pub unsafe extern "C" fn vis_sight_cells_create_of_plan(
     border(|| {
         // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (walls, place) = unsafe { (array(walls, wall_count, "walls")?, out(cells, "cells")?) };
-        let wall = |wall: &vis_wall| Ok(Wall::new(wall.from, wall.to).with_opacity(opacity(wall.opacity)?));
-        let plan = Plan::new(&walls.iter().map(wall).collect::<Result<Vec<_>, Error>>()?)?;
-        let made = PlanCells::new(plan, [x_axis as usize, y_axis as usize])?;
+        let made = PlanCells::new(plan_of(walls)?, [x_axis as usize, y_axis as usize])?;
         create(place, vis_sight_cells(Guarded::new(Cells::Plan(Box::new(made)))));
         Ok(())
     })
