@@ -9,7 +9,8 @@ export function countBits(words: Iterable<number>): number;
 export function startWorker(options?: { frames?: boolean }): Worker;
 
 /**
- * A scene that workers follow, with the methods of `Scene` that change it. Boxes are in `local`, for pipelines of
+ * A scene that workers follow, with the methods of `Scene` that change it. It takes a new scene, which is then changed
+ * by these methods alone. Boxes are in `local`, for pipelines of
  * this thread; occluder meshes are with the workers alone, and so is what it takes to make them. `rebuild` and
  * `maintain` are as in `Scene`. A mesh that the library refuses is told in `refusals`, and hides nothing.
  */
@@ -24,6 +25,7 @@ export interface LateScene
     | "insertAll"
     | "remove"
     | "removeAll"
+    | "setOrigin"
     | "setBounds"
     | "setAllBounds"
     | "setLocalBounds"
@@ -40,6 +42,8 @@ export interface LateScene
   > {
   readonly local: Scene;
   readonly refusals: string[];
+  /** Number of calls so far. Answers tell for which number they are. */
+  readonly revision: number;
   /** As in `Scene`, in the workers: triangles are in coordinates of the scene. */
   setTriangles(id: ObjectId, triangles: Numbers): void;
   prepareOccluders(): void;
