@@ -5,7 +5,9 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { Flag, NO_OBJECT, indexOf } from "../package/visibility.js";
-import { REFUSED_MESH, box, moveBy, street, watched } from "./late-street.js";
+import { serve } from "../package/late-worker.js";
+import { Workers } from "../page/workers.js";
+import { REFUSED_MESH, box, elsewhere, has, moveBy, street, visibility, watched, wire } from "./late-street.js";
 
 const cube = (low, high) => box([low, -1, -1], [high, 1, 1]);
 // The box of an object, here and in the worker.
@@ -124,30 +126,56 @@ test("calls for an object that was removed are refused, and do nothing to anothe
   assert.deepEqual([isShown(lamp), scene.refusals.length], [false, 0]);
 });
 
+test("a scene that is moved as a whole hides nothing by earlier answers, and hides where it is by later ones", () => {
+  const { scene, lamp, isShown, settle, look } = street();
+  isShown(lamp);
+  settle();
+  assert.ok(!isShown(lamp), "behind the wall");
+  // The wall is behind the eye, the lamp before it.
+  scene.setOrigin([-6.5, 0, 0]);
+  assert.ok(isShown(lamp), "at once");
+  settle();
+  isShown(lamp);
+  settle();
+  assert.ok(isShown(lamp), "by an answer of the scene as it is");
+  const there = look([-6.5, 0, 0]);
+  isShown(lamp, there);
+  settle();
+  isShown(lamp, there);
+  settle();
+  assert.ok(!isShown(lamp, there), "from where the wall is before it");
+});
+
 // What an object hides.
 
 const WALL = box([5, -20, -20], [6, 20, 20]);
 /** The triangles of the wall's face. */
 const FACE = [5, -20, -20, 5, -20, 20, 5, 20, 20, 5, -20, -20, 5, 20, 20, 5, 20, -20];
 
-for (const [what, flags, prepared] of [
-  ["is never culled", Flag.Occluder | Flag.NeverCull, false],
-  ["is drawn from its front alone", Flag.Occluder | Flag.OneSided, true],
+/** Triangles within the wall that cover little of it. */
+const CORNER = [5, 19, 19, 5, 20, 19, 5, 19, 20];
+
+/** Gives the wall of a street a mesh that is made from its triangles, in the place of the mesh that it has. */
+function prepare({ scene, wall }) {
+  scene.setBounds(wall, box([5, -20, -20], [6.5, 20, 20]));
+  scene.setTriangles(wall, FACE);
+  scene.prepareOccluders();
+}
+
+for (const [what, change, isPrepared] of [
+  ["is never culled", ({ scene, wall }) => scene.setFlags(wall, Flag.Occluder | Flag.NeverCull), false],
+  ["is drawn from its front alone", ({ scene, wall }) => scene.setFlags(wall, Flag.Occluder | Flag.OneSided), true],
+  ["has other triangles", ({ scene, wall }) => scene.setTriangles(wall, CORNER), true],
+  ["has triangles that are refused", ({ scene, wall }) => scene.setTriangles(wall, [0, 0, 0, 1, 0, 0, 0, 1, 0]), true],
 ]) {
   test(`a wall that from now on ${what} hides nothing, also not by the last answer`, () => {
-    const { scene, wall, lamp, isShown, settle } = street();
-    if (prepared) {
-      scene.setFlags(wall, 0);
-      scene.setBounds(wall, box([5, -20, -20], [6.5, 20, 20]));
-      scene.setBounds(wall, WALL);
-      scene.setFlags(wall, Flag.Occluder);
-      scene.setTriangles(wall, FACE);
-      scene.prepareOccluders();
-    }
+    const made = street();
+    const { lamp, isShown, settle } = made;
+    if (isPrepared) prepare(made);
     isShown(lamp);
     settle();
     assert.ok(!isShown(lamp), "the wall hides the lamp");
-    scene.setFlags(wall, flags);
+    change(made);
     assert.ok(isShown(lamp), "at once");
     settle();
     isShown(lamp);
@@ -164,38 +192,55 @@ test("the same flags again leave an answer as good as it was", () => {
   assert.ok(!isShown(lamp));
 });
 
-/** Triangles within the wall that cover little of it. */
-const CORNER = [5, 19, 19, 5, 20, 19, 5, 19, 20];
-for (const [what, calls] of [
-  ["a mesh that is refused", ({ scene, wall }) => {
-    scene.setMesh(wall, scene.addMesh(REFUSED_MESH));
-    scene.setTriangles(wall, CORNER);
-  }],
-  ["triangles that are refused", ({ scene, wall }) => {
-    scene.setBounds(wall, box([5, -20, -20], [6.5, 20, 20]));
-    scene.setTriangles(wall, FACE);
-    scene.prepareOccluders();
-    scene.setTriangles(wall, [0, 0, 0, 1, 0, 0, 0, 1, 0]);
-  }],
-]) {
-  test(`an object hides nothing by what it had before ${what}`, () => {
-    const made = street();
-    const { scene, lamp, isShown, settle } = made;
-    isShown(lamp);
-    settle();
-    assert.ok(!isShown(lamp), "the wall hides the lamp");
-    calls(made);
-    // An answer is under way, of the scene as it was.
-    settle();
-    isShown(lamp);
-    settle();
-    assert.ok(isShown(lamp));
-    assert.match(scene.refusals.join(), /addMesh|setTriangles/, "the refusal is told");
-    // A mesh that is good hides again.
-    scene.setMesh(made.wall, scene.addBoxMesh(WALL));
-    settle();
-    isShown(lamp);
-    settle();
-    assert.ok(!isShown(lamp), "by a good mesh");
-  });
-}
+test("an object hides nothing by what it had before a mesh that is refused, until it gets another", () => {
+  const { scene, wall, lamp, isShown, settle } = street();
+  isShown(lamp);
+  settle();
+  assert.ok(!isShown(lamp), "the wall hides the lamp");
+  scene.setMesh(wall, scene.addMesh(REFUSED_MESH));
+  scene.setTriangles(wall, CORNER);
+  // An answer is under way, of the scene as it was.
+  settle();
+  isShown(lamp);
+  settle();
+  assert.ok(isShown(lamp));
+  assert.match(scene.refusals.join(), /addMesh/, "the refusal is told");
+  scene.setMesh(wall, scene.addBoxMesh(WALL));
+  settle();
+  isShown(lamp);
+  settle();
+  assert.ok(!isShown(lamp), "by a good mesh");
+});
+
+test("the page bakes boxes anew for occluders that have come since", () => {
+  const delivers = [];
+  globalThis.Worker = class {
+    constructor() {
+      const { near, far, deliver } = wire();
+      serve(far, elsewhere);
+      delivers.push(deliver);
+      return near;
+    }
+  };
+  const objects = { bounds: [WALL, cube(9, 10)].flatMap(({ min, max }) => [...min, ...max]), flags: [Flag.Occluder, 0] };
+  const workers = new Workers(visibility, objects);
+  delete globalThis.Worker;
+  workers.choose(["bake"], { size: 60, near: 0.01 });
+  const [wall, lamp] = workers.ids;
+  const view = visibility.createView();
+  const lens = { eye: [0, 0, 0], target: [1, 0, 0], up: [0, 0, 1], fovY: 1, aspect: 1, near: 0.01 };
+  view.setPerspective(lens);
+  const isShown = () => {
+    const bits = Uint32Array.of(3);
+    workers.apply(view, lens, [0, 0, 0], bits);
+    for (const deliver of delivers) (deliver(), deliver());
+    return has(bits, indexOf(lamp));
+  };
+  workers.scene.setTriangles(wall, FACE);
+  for (let frame = 0; frame < 3; frame++) assert.ok(isShown(), "without an occluder");
+  assert.ok(workers.boxes.length > 1, "boxes that are baked without an occluder");
+  workers.scene.prepareOccluders();
+  // Asks for the eye's box, and has it.
+  isShown();
+  assert.ok(!isShown(), "by the eye's box, which is baked anew");
+});

@@ -115,10 +115,13 @@ class Both {
 
   // What to call with.
 
-  /** A box in the line of sight: of whole numbers, so that many are alike, or beside these by rounding. */
-  box() {
-    const [x, y, z] = [2 + this.below(12), this.below(5) - 2, this.below(3) - 1];
-    const [wide, high] = this.pick([[1, 1], [1, 1], [2, 3], [6, 6], [20, 20]]);
+  /**
+   * A box in the line of sight: of whole numbers, so that many are alike, or beside these by rounding. Walls are before
+   * most other boxes.
+   */
+  box(isWall = this.below(4) === 0) {
+    const [x, y, z] = [isWall ? 3 + this.below(4) : 2 + this.below(12), this.below(5) - 2, this.below(3) - 1];
+    const [wide, high] = this.pick(isWall ? [[6, 6], [20, 20]] : [[1, 1], [1, 1], [2, 3], [6, 6]]);
     const made = box([x, y - wide / 2, z - high / 2], [x + 1, y + wide / 2, z + high / 2]);
     if (this.rounds && this.below(4) === 0) made.max[this.below(3)] *= ROUNDED;
     if (this.below(40) === 0) made.max[0] = this.pick([Infinity, NaN]);
@@ -137,9 +140,11 @@ class Both {
     return this.pick([undefined, moveBy(0), moveBy(x, y), moveBy(x, 0), moveBy(x + (this.rounds ? 0.1 : 0.5), 0.25), turned]);
   }
 
-  /** A thing, in a few cases one that was removed. */
-  thing() {
-    return this.below(30) === 0 && this.removed.length > 0 ? this.pick(this.removed) : this.pick(this.things);
+  /** A thing, in a few cases one that was removed. With `hides`, mostly one that hides others. */
+  thing(hides = false) {
+    if (this.below(30) === 0 && this.removed.length > 0) return this.pick(this.removed);
+    const hiding = this.things.filter((thing) => hides && thing.hiding(this.scene.bounds(thing.late)).length > 0);
+    return this.pick(hiding.length > 0 && this.below(4) > 0 ? hiding : this.things);
   }
 
   // Calls.
@@ -170,20 +175,25 @@ class Both {
   }
 
   insert() {
-    const bounds = Array.from({ length: 1 + this.below(3) }, () => this.box());
-    const flags = bounds.map(() => this.pick([0, 0, Flag.Occluder, Flag.Occluder | Flag.OneSided]));
+    const flags = Array.from({ length: 1 + this.below(3) }, () => this.pick([0, 0, 0, Flag.Occluder]));
+    const bounds = flags.map((flag) => this.box(flag !== 0));
     const objects = { bounds: bounds.flatMap(numbers), flags };
     const plain = this.plain.insertAll(objects);
     this.scene.insertAll(objects).forEach((id, i) => {
       assert.equal(indexOf(id), indexOf(plain[i]), "indices");
       this.things.push(Object.assign(new Thing(id, plain[i]), { flags: flags[i] }));
-      if (flags[i] !== 0) this.giveMesh(this.things.at(-1), bounds[i]);
+      if (flags[i] === 0) return;
+      if (this.below(2) === 0) this.giveMesh(this.things.at(-1), bounds[i]);
+      else this.setTriangles(this.things.at(-1));
     });
+    this.prepare();
   }
 
   remove() {
     if (this.things.length < 5) return;
-    const [thing] = this.things.splice(this.below(this.things.length), 1);
+    const thing = this.thing(true);
+    if (!this.things.includes(thing)) return;
+    this.things.splice(this.things.indexOf(thing), 1);
     this.call("removeAll", [[thing.late]], [[thing.plain]]);
     this.removed = [...this.removed.slice(-3), thing];
   }
@@ -301,16 +311,16 @@ class Both {
       () => this.setLocalBounds(thing),
       () => this.setTransforms(),
       () => this.setTransforms(),
-      () => this.setLayers(thing),
-      () => this.setFlags(thing),
+      () => this.setLayers(this.thing(true)),
+      () => this.setFlags(this.thing(true)),
       () => this.setFlags(thing),
       () => this.giveMesh(thing, this.boxFor(thing)),
       () => this.giveMesh(thing, this.boxFor(thing)),
       () => this.giveMesh(thing, this.box(), this.transform()),
       () => this.meshes.length > 0 && this.setMesh(thing, this.pick(this.meshes), this.transform()),
-      () => this.refuseMesh(thing),
+      () => this.refuseMesh(this.thing(true)),
       () => this.removeMesh(),
-      () => this.setTriangles(thing),
+      () => this.setTriangles(this.thing(true)),
       () => this.setTriangles(thing),
       () => this.prepare(),
       () => this.call(this.pick(["maintain", "rebuild"]), [], []),
@@ -368,10 +378,10 @@ function run(both) {
   const broken = () => both.scene.refusals.filter((text) => !/^(addMesh|setMesh|setTriangles): /.test(text));
   for (let i = 0; i < 4; i++) both.insert();
   for (let round = 0; round < ROUNDS; round++) {
-    for (let calls = both.below(4); calls > 0; calls--) both.step();
+    for (let calls = both.below(3); calls > 0; calls--) both.step();
     both.look();
     for (let late = both.below(3); late > 0; late--) both.deliver();
-    if (both.below(3) > 0) continue;
+    if (both.below(2) > 0) continue;
     // Twice: an answer may be under way.
     for (let i = 0; i < 2; i++) {
       both.settle();
