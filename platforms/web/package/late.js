@@ -12,8 +12,8 @@
 import { ALL_LAYERS, Flag, indexOf } from "./visibility.js";
 
 /**
- * A triangle that hides nothing, wherever a transform puts it: far out of the bounds of any object, and too small for
- * its distance to cover a pixel.
+ * A triangle that hides nothing: it is out of the bounds of any object, and if it is within those of a sky, too small
+ * for its distance to cover a pixel.
  */
 const NO_SHAPE = {
   positions: [1e18, 1e18, 1e18, 1e18, 1e18 + 1e12, 1e18, 1e18, 1e18, 1e18 + 1e12],
@@ -150,9 +150,9 @@ export class LateScene {
     this.#opened = this.#revision;
   }
 
-  setBounds(id, { min, max }) {
-    this.#scene.setBounds(id, { min, max });
-    this.#boundsToWorkers([id], [...min, ...max]);
+  setBounds(id, box) {
+    this.#scene.setBounds(id, box);
+    this.#boundsToWorkers([id], [...box.min, ...box.max]);
   }
 
   setAllBounds(ids, bounds) {
@@ -161,14 +161,15 @@ export class LateScene {
   }
 
   /**
-   * Sends bounds that objects have been given here. Bounds that an object has already leave it its local bounds. What
-   * it has may differ by rounding in the workers, where meshes enlarge it: this thread decides.
+   * Sends bounds that objects have been given here. An object keeps its local bounds if the bounds are those that it
+   * has. These may be larger by rounding in the workers, where they hold the object's mesh: so this thread decides, and
+   * the workers follow.
    */
   #boundsToWorkers(ids, bounds) {
     if (this.#placed.size > 0 && ids.some((id) => this.#placed.has(id))) {
       ids.forEach((id, i) => {
         if (this.#hasLocalBounds(id)) return;
-        // The workers forget the local bounds with bounds that differ from all others.
+        // With bounds that differ from those it has, an object loses its local bounds.
         if (this.#placed.delete(id)) this.#toWorkers("setAllBounds", [id], NO_BOUNDS);
         this.#toWorkers("setAllBounds", [id], bounds.slice(6 * i, 6 * i + 6));
       });
@@ -188,7 +189,7 @@ export class LateScene {
 
   setLocalBounds(id, box) {
     this.#scene.setLocalBounds(id, box);
-    // The bounds follow from a transform that was set before. The workers compare theirs with them.
+    // The bounds follow from a transform that was set before. Workers with another give no answers from then on.
     this.#toWorkers("setLocalBounds", id, box, this.#scene.bounds(id));
     this.#changes([id], true);
     this.#placed.add(id);
