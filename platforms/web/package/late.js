@@ -3,8 +3,8 @@
 // The scene of this thread has boxes alone. Each call that changes it is sent to the workers as well, which
 // have the same objects with the same indices, since these depend on the order of calls alone. Occluder meshes
 // are with the workers only: in this thread, each object that is given one gets a mesh that hides nothing in its
-// place, so that local bounds, meshes and transforms move the object as they do in the workers. An answer is for a scene after so many calls, and for one view with a reach. It hides
-// an object of the present frame only if
+// place, so that local bounds, meshes and transforms move the object as they do in the workers. An answer is for
+// a scene after so many calls, and for one view with a reach. It hides an object of the present frame only if
 // - the present view is within that reach of the view that it was made for (`View.isWithinReach`),
 // - no occluder has moved, changed or gone since, and
 // - the object itself has not changed since.
