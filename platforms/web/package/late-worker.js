@@ -6,6 +6,17 @@ import { ALL_LAYERS, Flag, indexOf, load } from "./visibility.js";
 /** Culls of one view until the answer is kept: for the view itself, for its reach, and to see that it is. */
 const MOST_CULLS = 3;
 
+/** The number of the mesh that hides nothing: objects have it in the place of one that is refused. */
+const NO_SHAPE = 0n;
+/** Part of a coordinate that a box may be less than another by rounding. */
+const ROUNDING = 1e-6;
+
+/** Whether a box holds another, but for rounding. Improper boxes hold all: their objects are never culled. */
+function holds({ min, max }, other) {
+  const isBeyond = (x, y) => x - y > ROUNDING * (Math.abs(x) + Math.abs(y));
+  return !min.some((x, i) => isBeyond(x, other.min[i]) || isBeyond(other.max[i], max[i]));
+}
+
 /** An answer by which nothing is hidden. */
 const NO_ANSWER = () => ({ isForReach: false, bits: new Uint32Array(0) });
 
@@ -19,29 +30,13 @@ export function serve(port, visibility) {
   const view = visibility.createView();
   let revision = 0;
   let refusals = [];
-  /** By index: the id that an object has here, its flags, and whether its mesh was refused: then it hides nothing. */
-  const [ids, flags, isBarred] = [[], [], []];
+  /** By index: the id that an object has here. */
+  const ids = [];
   /** Whether this scene is not that of the main thread: then no answer holds. */
   let isBroken = false;
 
   /** Returns the id of the object that has another in the main thread. */
   const here = (id) => ids[indexOf(id)];
-
-  function setFlags(index) {
-    scene.setFlags(ids[index], isBarred[index] ? flags[index] & ~Flag.Occluder : flags[index]);
-  }
-
-  /** Gives an object what it hides others by, or lets it hide nothing if that is refused. */
-  function setShape(id, set) {
-    const index = indexOf(id);
-    const was = isBarred[index];
-    isBarred[index] = true;
-    try {
-      isBarred[index] = !set(ids[index]);
-    } finally {
-      if (isBarred[index] !== was) setFlags(index);
-    }
-  }
 
   const own = {
     insertAll(objects, indices) {
@@ -50,20 +45,18 @@ export function serve(port, visibility) {
         const index = indexOf(id);
         if (index !== indices[i]) throw new Error(`object ${indices[i]} is object ${index} here`);
         ids[index] = id;
-        flags[index] = typeof objects.flags === "object" ? objects.flags[i] : (objects.flags ?? 0);
-        isBarred[index] = false;
       });
     },
     removeAll: (all) => scene.removeAll(all.map(here)),
-    setBounds: (id, box) => scene.setBounds(here(id), box),
+    setOrigin: (origin) => scene.setOrigin(origin),
     setAllBounds: (all, bounds) => scene.setAllBounds(all.map(here), bounds),
-    setLocalBounds: (id, box) => scene.setLocalBounds(here(id), box),
+    setLocalBounds(id, box, bounds) {
+      scene.setLocalBounds(here(id), box);
+      if (!holds(scene.bounds(here(id)), bounds)) throw new Error("the object is elsewhere here");
+    },
     setTransforms: (all, matrices) => scene.setTransforms(all.map(here), matrices),
     setLayers: (id, layers) => scene.setLayers(here(id), layers),
-    setFlags(id, to) {
-      flags[indexOf(id)] = to;
-      setFlags(indexOf(id));
-    },
+    setFlags: (id, flags) => scene.setFlags(here(id), flags),
     rebuild: () => scene.rebuild(),
     addMesh: (mesh, number) => meshes.set(number, scene.addMesh(mesh)),
     addBoxMesh: (box, number) => meshes.set(number, scene.addBoxMesh(box)),
@@ -72,17 +65,23 @@ export function serve(port, visibility) {
       meshes.delete(number);
       if (mesh !== undefined) scene.removeMesh(mesh);
     },
-    setMesh: (id, number, transform) =>
-      setShape(id, (id) => {
-        const mesh = meshes.get(number);
-        if (mesh !== undefined) scene.setMesh(id, mesh, transform);
-        return mesh !== undefined;
-      }),
-    setTriangles: (id, triangles) => setShape(id, (id) => (scene.setTriangles(id, triangles), true)),
+    setMesh(id, number, transform) {
+      if (!meshes.has(number)) refusals.push(`setMesh: mesh ${number} was refused or removed`);
+      scene.setMesh(here(id), meshes.get(number) ?? meshes.get(NO_SHAPE), transform);
+    },
+    setTriangles(id, triangles) {
+      try {
+        scene.setTriangles(here(id), triangles);
+      } catch (error) {
+        // The former triangles hide nothing more.
+        scene.setTriangles(here(id), []);
+        throw error;
+      }
+    },
     prepareOccluders: () => scene.prepareOccluders(),
   };
   /** What may be refused here alone: shapes, which the main thread does not have. */
-  const MAY_FAIL = ["addMesh", "addBoxMesh", "setMesh", "setTriangles"];
+  const MAY_FAIL = ["addMesh", "addBoxMesh", "setTriangles"];
 
   function apply([name, parameters]) {
     revision++;

@@ -9,9 +9,10 @@ export function countBits(words: Iterable<number>): number;
 export function startWorker(options?: { frames?: boolean }): Worker;
 
 /**
- * A scene that workers follow, with the methods of `Scene` that change it. Boxes are in `local`, for pipelines of
- * this thread; occluder meshes are with the workers alone, and so is what it takes to make them. `rebuild` and
- * `maintain` are as in `Scene`. A mesh that the library refuses is told in `refusals`, and hides nothing.
+ * A scene that workers follow, with the methods of `Scene` that change it. It takes a new scene without objects, which
+ * is then changed by these methods alone. Boxes are in `local`, for pipelines of this thread; occluder meshes are with
+ * the workers alone, and so is what it takes to make them. `rebuild` and `maintain` are as in `Scene`. A mesh that the
+ * library refuses is told in `refusals`. An object that is given it hides nothing, and is placed as by any other mesh.
  */
 export interface LateScene
   extends Pick<
@@ -24,6 +25,7 @@ export interface LateScene
     | "insertAll"
     | "remove"
     | "removeAll"
+    | "setOrigin"
     | "setBounds"
     | "setAllBounds"
     | "setLocalBounds"
@@ -40,7 +42,12 @@ export interface LateScene
   > {
   readonly local: Scene;
   readonly refusals: string[];
-  /** As in `Scene`, in the workers: triangles are in coordinates of the scene. */
+  /** Number of calls so far. Answers tell for which number they are. */
+  readonly revision: number;
+  /**
+   * As in `Scene`, in the workers: triangles are in coordinates of the scene. If the library refuses them, the object
+   * has none.
+   */
   setTriangles(id: ObjectId, triangles: Numbers): void;
   prepareOccluders(): void;
   /**

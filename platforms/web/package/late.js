@@ -1,14 +1,28 @@
 // Culling in a worker, whose answers come late and never hide by mistake. `late.d.ts` describes it.
 //
 // The scene of this thread has boxes alone. Each call that changes it is sent to the workers as well, which
-// have the same objects with the same indices, since these depend on the order of calls alone; occluder meshes
-// are with the workers only. An answer is for a scene after so many calls, and for one view with a reach. It hides
-// an object of the present frame only if
+// have the same objects with the same indices, since these depend on the order of calls alone. Occluder meshes
+// are with the workers only: in this thread, each object that is given one gets a mesh that hides nothing in its
+// place, so that local bounds, meshes and transforms move the object as they do in the workers. An answer is for
+// a scene after so many calls, and for one view with a reach. It hides an object of the present frame only if
 // - the present view is within that reach of the view that it was made for (`View.isWithinReach`),
 // - no occluder has moved, changed or gone since, and
 // - the object itself has not changed since.
 
 import { ALL_LAYERS, Flag, indexOf } from "./visibility.js";
+
+/**
+ * A triangle that hides nothing: it is out of the bounds of any object, and if it is within those of a sky, too small
+ * for its distance to cover a pixel.
+ */
+const NO_SHAPE = {
+  positions: [1e18, 1e18, 1e18, 1e18, 1e18 + 1e12, 1e18, 1e18, 1e18, 1e18 + 1e12],
+  indices: [0, 1, 2],
+};
+/** A matrix that every object with local bounds refuses. */
+const NO_TRANSFORM = [NaN, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+/** Bounds that are not equal to any others, nor to themselves. */
+const NO_BOUNDS = [NaN, NaN, NaN, NaN, NaN, NaN];
 
 /** Returns a copy of an argument, and adds the memory of typed arrays to `moved`: they go without another. */
 function copied(argument, moved) {
@@ -53,12 +67,14 @@ export class LateScene {
   #revision = 0;
   /** Number of calls after the last that may let something be seen through what an earlier answer had. */
   #opened = 0;
-  /** By index of an object: whether it may hide others. */
-  #hides = [];
+  /** By index of an object: its flags. */
+  #flags = [];
   /** By index of an object: number of calls after its last change. */
   #changed = [];
-  /** Ids of objects with local bounds: a mesh moves these. */
+  /** Ids of objects that have been given local bounds. */
   #placed = new Set();
+  /** The mesh of this thread that objects have in the place of theirs. */
+  #noShape;
   #meshes = 0n;
   #asks = new Map();
   #lastAsk = 0;
@@ -72,11 +88,19 @@ export class LateScene {
       // A worker that does not start gives no answers: nothing is hidden.
       port.onerror = ({ message }) => this.refusals.push(`worker: ${message}`);
     }
+    this.#noShape = scene.addMesh(NO_SHAPE);
+    // The first mesh of the workers is the same.
+    this.addMesh(NO_SHAPE);
   }
 
   /** The scene of this thread, for pipelines. */
   get local() {
     return this.#scene;
+  }
+
+  /** Number of calls so far. */
+  get revision() {
+    return this.#revision;
   }
 
   get count() {
@@ -103,10 +127,7 @@ export class LateScene {
     const ids = this.#scene.insertAll(objects);
     this.#toWorkers("insertAll", objects, Uint32Array.from(ids, indexOf));
     const { flags = 0 } = objects;
-    ids.forEach((id, i) => {
-      const own = typeof flags === "number" ? flags : flags[i];
-      this.#hides[indexOf(id)] = (own & Flag.Occluder) !== 0;
-    });
+    ids.forEach((id, i) => (this.#flags[indexOf(id)] = typeof flags === "number" ? flags : flags[i]));
     this.#changes(ids);
     return ids;
   }
@@ -119,25 +140,57 @@ export class LateScene {
     this.#both("removeAll", ids);
     this.#changes(ids, true);
     for (const id of ids) {
-      this.#hides[indexOf(id)] = false;
+      this.#flags[indexOf(id)] = 0;
       this.#placed.delete(id);
     }
   }
 
+  setOrigin(origin) {
+    this.#both("setOrigin", origin);
+    this.#opened = this.#revision;
+  }
+
   setBounds(id, box) {
-    this.#both("setBounds", id, box);
-    this.#changes([id], true);
-    this.#placed.delete(id);
+    this.#scene.setBounds(id, box);
+    this.#boundsToWorkers([id], [...box.min, ...box.max]);
   }
 
   setAllBounds(ids, bounds) {
-    this.#both("setAllBounds", ids, bounds);
+    this.#scene.setAllBounds(ids, bounds);
+    this.#boundsToWorkers(ids, bounds);
+  }
+
+  /**
+   * Sends bounds that objects have been given here. An object keeps its local bounds if the bounds are those that it
+   * has. These may be larger by rounding in the workers, where they hold the object's mesh: so this thread decides, and
+   * the workers follow.
+   */
+  #boundsToWorkers(ids, bounds) {
+    if (this.#placed.size > 0 && ids.some((id) => this.#placed.has(id))) {
+      ids.forEach((id, i) => {
+        if (this.#hasLocalBounds(id)) return;
+        // With bounds that differ from those it has, an object loses its local bounds.
+        if (this.#placed.delete(id)) this.#toWorkers("setAllBounds", [id], NO_BOUNDS);
+        this.#toWorkers("setAllBounds", [id], bounds.slice(6 * i, 6 * i + 6));
+      });
+    } else this.#toWorkers("setAllBounds", ids, bounds);
     this.#changes(ids, true);
-    if (this.#placed.size > 0) for (const id of ids) this.#placed.delete(id);
+  }
+
+  #hasLocalBounds(id) {
+    if (!this.#placed.has(id)) return false;
+    try {
+      this.#scene.setTransforms([id], NO_TRANSFORM);
+    } catch ({ code }) {
+      return code !== "STATE";
+    }
+    return true;
   }
 
   setLocalBounds(id, box) {
-    this.#both("setLocalBounds", id, box);
+    this.#scene.setLocalBounds(id, box);
+    // The bounds follow from a transform that was set before. Workers with another give no answers from then on.
+    this.#toWorkers("setLocalBounds", id, box, this.#scene.bounds(id));
     this.#changes([id], true);
     this.#placed.add(id);
   }
@@ -154,9 +207,9 @@ export class LateScene {
 
   setFlags(id, flags) {
     this.#both("setFlags", id, flags);
-    const hides = (flags & Flag.Occluder) !== 0;
-    this.#changes([id], !hides);
-    this.#hides[indexOf(id)] = hides;
+    // An occluder with other flags may hide less: it is never culled, has one side, or is seen through.
+    this.#changes([id], flags !== this.#flags[indexOf(id)]);
+    this.#flags[indexOf(id)] = flags;
   }
 
   maintain(budget) {
@@ -182,12 +235,14 @@ export class LateScene {
   }
 
   setMesh(id, mesh, transform) {
-    if (transform && this.#placed.has(id)) this.#scene.setTransforms([id], transform);
+    this.#scene.setMesh(id, this.#noShape, transform);
     this.#toWorkers("setMesh", id, mesh, transform);
     this.#changes([id], true);
   }
 
   setTriangles(id, triangles) {
+    // Refuses an object that is not there.
+    this.#scene.setTriangles(id, []);
     this.#toWorkers("setTriangles", id, triangles);
     this.#changes([id], true);
   }
@@ -225,7 +280,7 @@ export class LateScene {
     for (const id of ids) {
       const index = indexOf(id);
       this.#changed[index] = this.#revision;
-      if (opens && this.#hides[index]) this.#opened = this.#revision;
+      if (opens && (this.#flags[index] & Flag.Occluder) !== 0) this.#opened = this.#revision;
     }
   }
 

@@ -4,57 +4,13 @@
 import assert from "node:assert/strict";
 import { readFile } from "node:fs/promises";
 import test from "node:test";
-import { LateAnswers, LateScene } from "../package/late.js";
+import { LateScene } from "../package/late.js";
 import { serve } from "../package/late-worker.js";
 import { Flag, indexOf, load } from "../package/visibility.js";
 import { cameras, fillScene, firstTriangles, loadRecipes } from "../page/scene.js";
+import { elsewhere, has, ones, randomOf, setting, street, visibility, wire } from "./late-street.js";
 
-const [visibility, elsewhere] = [await load(), await load()];
 const make = await loadRecipes(await readFile(new URL("../page/scenes.wasm", import.meta.url)));
-
-/** Two ports whose messages wait until they are delivered, as late as a test wants. */
-function wire() {
-  const [near, far] = [{}, {}];
-  const sent = [];
-  near.postMessage = (data, moved) => sent.push([far, structuredClone(data, { transfer: moved })]);
-  far.postMessage = (data, moved) => sent.push([near, structuredClone(data, { transfer: moved })]);
-  const deliver = () => {
-    for (const [port, data] of sent.splice(0)) port.onmessage({ data });
-  };
-  return { near, far, deliver };
-}
-
-/** A scene followed by a worker, and what culls a frame of it. */
-function setting(options) {
-  const { near, far, deliver } = wire();
-  serve(far, elsewhere);
-  const scene = new LateScene(visibility.createScene(), [near]);
-  const answers = new LateAnswers(visibility, scene, options);
-  const frustum = visibility.createPipeline().addFrustum();
-  const [view, visible] = [visibility.createView(), visibility.createVisible()];
-  /** Returns the bits of a frame, and the bits that the frustum leaves. */
-  const frame = (camera) => {
-    view.setPerspective(camera);
-    frustum.cull(scene.local, view, visible);
-    const inView = visible.bits;
-    return { bits: answers.apply(view, ["setPerspective", camera], inView.slice()), inView };
-  };
-  /** A question and its answer. */
-  const settle = () => (deliver(), deliver());
-  return { scene, answers, frame, deliver, settle };
-}
-
-const has = (bits, index) => ((bits[index >>> 5] >>> (index & 31)) & 1) === 1;
-function ones(word) {
-  let sum = 0;
-  for (let rest = word >>> 0; rest !== 0; rest &= rest - 1) sum++;
-  return sum;
-}
-
-function randomOf(seed) {
-  let state = seed;
-  return () => (state = (Math.imul(state, 1664525) + 1013904223) >>> 0) / 2 ** 32;
-}
 
 /** Returns the objects that rays through random places of a camera's picture meet first. */
 function seenBy({ triangles, first, bounds }, { eye, target, up, fovY, aspect, near }, rays, random) {
@@ -173,25 +129,6 @@ for (const [name, a, b, stages] of [
 }
 
 const ones32 = (bits) => bits.reduce((sum, word) => sum + ones(word), 0);
-
-/** A wall at x = 5, a lamp behind it, and a camera that looks along x. */
-function street(options) {
-  const made = setting(options);
-  const box = (min, max) => ({ min, max });
-  const wall = made.scene.insert({ bounds: box([5, -20, -20], [6, 20, 20]), flags: Flag.Occluder });
-  const lamp = made.scene.insert({ bounds: box([9, -1, -1], [10, 1, 1]) });
-  made.scene.setMesh(wall, made.scene.addBoxMesh(box([5, -20, -20], [6, 20, 20])));
-  const look = (eye = [0, 0, 0], turn = 0) => ({
-    eye,
-    target: [eye[0] + Math.cos(turn), eye[1] + Math.sin(turn), eye[2]],
-    up: [0, 0, 1],
-    fovY: 1,
-    aspect: 1,
-    near: 0.1,
-  });
-  const isShown = (id, camera = look()) => has(made.frame(camera).bits, indexOf(id));
-  return { ...made, wall, lamp, look, isShown };
-}
 
 test("an answer hides once it is there, and within its reach alone", () => {
   const { lamp, isShown, look, settle, answers } = street({ metres: 0.5, radians: 0.2 });
