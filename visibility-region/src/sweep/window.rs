@@ -208,8 +208,8 @@ impl Window {
             [low, low + pixel * SIDE as f64]
         });
         let scale = ends.map(|[low, high]| SIDE as f64 / (high - low));
-        let usable =
-            scale.iter().all(|s| s.is_finite() && *s > 0.0) && ends.iter().flatten().all(|e| e.is_finite());
+        // An end that is not finite gives a scale of zero or NaN.
+        let usable = scale.iter().all(|s| s.is_finite() && *s > 0.0);
         usable.then_some(Self { d, ends, scale, rims: exact_rims })
     }
 
@@ -358,7 +358,7 @@ mod tests {
         }
 
         /// Returns a window without rims whose ends are exact.
-        fn from_zero(d: f64, ends: [[f64; 2]; 2]) -> Self {
+        pub(crate) fn from_zero(d: f64, ends: [[f64; 2]; 2]) -> Self {
             let scale = ends.map(|[low, high]| SIDE as f64 / (high - low));
             Self { d, ends, scale, rims: [None; 2] }
         }
@@ -525,6 +525,172 @@ mod tests {
             let inside = |points: &[Vec3]| window.is_outside(points);
             assert_eq!(inside(&[point(0.0), point(-1.0)]), [true, false], "points at the rim and beyond");
             assert_eq!(inside(&[point(-1.0), point(0.125)]), [false; 2], "a point inside");
+        }
+    }
+
+    /// Windows whose pixels would be wrong are refused: scales that are zero, infinite or NaN.
+    #[test]
+    fn windows_without_a_finite_scale_are_refused() {
+        let fit = |error, ends| Window::fit(&direction(error), 1.0, [ends, [0.0, 1.0]], [None; 2]);
+        assert!(fit(1e-9, [0.0, 1.0]).is_some(), "a window of a metre");
+        let infinite = f64::INFINITY;
+        // The ends of the third are finite, and their difference is not.
+        for ends in [[0.0, infinite], [-infinite, 0.0], [-8.98e307, 8.98e307], [f64::NAN, 1.0]] {
+            assert!(fit(1e-9, ends).is_none(), "a window from {ends:?}");
+        }
+        let point = Direction { half: [0.0; 2], ..direction(0.0) };
+        let none = Window::fit(&point, 1.0, [[0.0; 2], [0.0, 1.0]], [None; 2]);
+        assert!(none.is_none(), "a window without a width, in which nothing is off: {none:?}");
+    }
+
+    /// A rim is used if both pixels beside it are in the window, and the border between them is as far from
+    /// it as all ranges are widened. A rim beside the window changes nothing.
+    #[test]
+    fn rims_are_beside_borders_between_pixels_of_the_window() {
+        let fit = |rim| Window::fit(&direction(1e-12), 1.0, [[-8.0, 8.0]; 2], [rim, None]).unwrap();
+        let plain = fit(None);
+        let [low, high] = plain.ends[0];
+        let (pixel, mut used) = ((high - low) / (SIDE - 1) as f64, 0);
+        for (inwards, from_low) in [(1.0, true), (1.0, false), (-1.0, true), (-1.0, false)] {
+            for by in [-1e25, -700.0, -1.5, -1e-3, 1e-3, 3e-3, 5e-3, 0.5, 1.5, 255.5] {
+                let at = if from_low { low + by * pixel } else { high - by * pixel };
+                let window = fit(Some(Rim { at, inwards, exact: Some((0, 0.0)) }));
+                let what = alloc::format!("{by} pixels, inwards {inwards}, from the low end: {from_low}");
+                assert!(window.ends[0][0] <= -8.0 && window.ends[0][1] >= 8.0, "{what}: {:?}", window.ends);
+                assert!(by > 0.0 || window.ends == plain.ends && window.rims == [None; 2], "{what}");
+                let Some(rim) = window.rims[0] else { continue };
+                used += 1;
+                let (inner, inwards) = (rim.inner as f64, inwards as i64);
+                let border = if inwards > 0 { inner } else { inner + 1.0 };
+                let beside = (window.pixel(at, 0) - border) * rim.inwards;
+                assert!((beside - BESIDE).abs() < 1e-6, "{what}: the border is {beside} pixels beside it");
+                let outer = rim.inner as i64 - inwards;
+                assert!(rim.inner < SIDE && (0..SIDE as i64).contains(&outer), "{what}: {rim:?}");
+            }
+        }
+        assert!(used > 12, "{used} rims are used");
+    }
+
+    /// Ranges that end at the rim up to the slack end on its outer side.
+    #[test]
+    fn ranges_that_end_at_a_rim_up_to_the_slack_leave_the_pixel_within() {
+        for inwards in [1.0, -1.0] {
+            let rim = ExactRim { at: 0.0, inwards, exact: (0, 0.0), inner: 100 };
+            let border = if inwards > 0.0 { 100.0 } else { 101.0 };
+            for (by, is_cut) in [(-0.75, true), (0.75, true), (1.5, false)] {
+                let end = border + inwards * (BESIDE + by * SLACK);
+                let range = if inwards > 0.0 { [90.0, end] } else { [end, 110.0] };
+                let [low, high] = rim.clip_at_rim(range);
+                let is_outside = if inwards > 0.0 { high < border } else { low >= border };
+                assert_eq!(is_outside, is_cut, "{range:?}, inwards {inwards}");
+                assert!(is_cut || [low, high] == range, "{range:?} passes the rim, inwards {inwards}");
+            }
+        }
+    }
+
+    /// Ends of ranges are moved by the slack, and beside a rim also by the distance of its border.
+    #[test]
+    fn ranges_are_widened_by_the_slack_and_the_distance_of_a_border() {
+        let rim = ExactRim { at: 0.0, inwards: 1.0, exact: (0, 0.0), inner: 100 };
+        let window = Window { rims: [Some(rim), None], ..Window::unit() };
+        let bounds = Aabb::new(Vec3::splat(-1.0), Vec3::ONE);
+        for (off, is_met) in [(BESIDE + 0.75 * SLACK, true), (BESIDE + 1.5 * SLACK, false)] {
+            let rect = window.pixels([[200.0 + off, 201.0 - off], [3.5, 4.5]], &bounds).unwrap();
+            let expected = if is_met { [199, 201] } else { [200, 200] };
+            assert_eq!(rect.x, expected, "a range that ends {off} from the borders of pixel 200");
+        }
+    }
+
+    /// The least number of pixels that projections meet: that of a point at the least depth.
+    #[test]
+    fn projections_meet_at_least_the_pixels_of_a_point() {
+        let direction = direction(1e-12);
+        for (d, z, pixels) in [(1.0, 2.0, 256.0), (1.0, 4.0, 256.0), (1.0, 1.001, 256.0), (2.0, 9.0, 0.25)] {
+            let window = Window::from_zero(d, [[0.0, SIDE as f64 / pixels]; 2]);
+            let exact = (z - d) / z * pixels;
+            let expected = if exact < 1.0 { 1 } else { exact as usize };
+            assert_eq!(window.min_pixels(&direction, z), [expected; 2], "a plane at {d}, a point at {z}");
+        }
+    }
+
+    /// Reprojection between windows with the same rim: a pixel on the inner side of the rim leads to pixels
+    /// on the inner side, and all pixels lead to those that rays through their points meet, the points of a
+    /// pixel beside the rim beginning or ending there. Rims that differ do not count.
+    #[test]
+    fn reprojected_pixels_stay_on_their_side_of_a_rim() {
+        for inwards in [1.0, -1.0] {
+            // The viewcell is on the inner side of the rim, and touches it.
+            let at = -0.5 * inwards;
+            let rim = |exact| Some(Rim { at, inwards, exact: Some((0, exact)) });
+            let direction = direction(1e-12);
+            let fit =
+                |d, reach: f64, rim| Window::fit(&direction, d, [[-reach, reach]; 2], [rim, None]).unwrap();
+            let from = fit(2.0, 5.0, rim(at));
+            for (d, reach, other) in [(3.0, 7.0, at), (2.5, 40.0, at), (4.0, 3.0, 0.25)] {
+                let window = fit(d, reach, rim(other));
+                let ranges = window.reprojection(&direction, &from, 0);
+                let side = |window: &Window| {
+                    let rim = window.rims[0].unwrap();
+                    (rim.inner, if inwards > 0.0 { rim.inner } else { rim.inner + 1 })
+                };
+                let ((inner, border), (from_inner, from_border)) = (side(&window), side(&from));
+                let edge = |window: &Window, border: usize, pixel: usize| {
+                    let plain = window.ends[0][0] + pixel as f64 / window.scale[0];
+                    if pixel == border { at } else { plain }
+                };
+                for (i, range) in ranges.iter().enumerate() {
+                    let [first, last] = range.map(usize::from);
+                    let what = alloc::format!("pixel {i} at {d}: {range:?}, inwards {inwards}, {other}");
+                    let is_inner = if inwards > 0.0 { i >= inner } else { i <= inner };
+                    let is_same = other == at;
+                    if is_inner && is_same {
+                        let is_kept = if inwards > 0.0 { first >= from_inner } else { last <= from_inner };
+                        assert!(is_kept, "{what}: leaves the inner side");
+                    }
+                    let begin = edge(&window, border, i);
+                    let end = edge(&window, border, i + 1);
+                    for p in [begin, end] {
+                        for (v, w) in [(-0.5, 0.0), (0.5, 0.0), (-0.5, 1.0), (0.5, 1.0)] {
+                            let x = v + (p - v) * (2.0 + w) / (d + w);
+                            // Pixels of the earlier window that hold the point, without those that end there.
+                            let tiny = 1e-9;
+                            let holds = |pixel: usize| {
+                                edge(&from, from_border, pixel) < x - tiny
+                                    && x + tiny < edge(&from, from_border, pixel + 1)
+                            };
+                            if let Some(pixel) = (0..SIDE).find(|&pixel| holds(pixel)) {
+                                assert!((first..=last).contains(&pixel), "{what}: {x} is in {pixel}");
+                            }
+                        }
+                    }
+                    // No pixel more than two beside those that are met.
+                    let low = [0.0, 1.0].map(|w| -0.5 + (begin + 0.5) * (2.0 + w) / (d + w));
+                    let least = from.pixel(low[0].min(low[1]), 0) - 2.0;
+                    assert!(first as f64 >= least.min((SIDE - 1) as f64).floor(), "{what}: begins too early");
+                }
+            }
+        }
+    }
+
+    /// Most items begin at one height. The rim is there, and is exact if the viewcell does not cross it.
+    #[test]
+    fn a_rim_that_the_viewcell_touches_is_exact() {
+        for (end, is_exact) in [(0.0, true), (1e-12, true), (-1e-12, false)] {
+            for inwards in [1.0, -1.0] {
+                let mut direction = direction(1e-9);
+                direction.exact[0] = Some((0, if inwards > 0.0 { [end, 9.0] } else { [-9.0, -end] }));
+                let item = |from: f32, to: f32| {
+                    let (from, to) = if inwards > 0.0 { (from, to) } else { (-to, -from) };
+                    let scene_bounds = Aabb::from_arrays([from, 0.0, 5.0], [to, 1.0, 6.0]);
+                    let bounds = direction.local_box(&scene_bounds);
+                    let id = visibility_core::Scene::new().insert(scene_bounds);
+                    Item { child: visibility_core::walk::Child::Object(id), bounds, scene_bounds }
+                };
+                let items = [item(0.0, 1.0), item(0.0, 2.0), item(0.0, 3.0), item(-1.0, 2.0)];
+                let rim = Rim::of(&items, 0, &direction, &mut Vec::new()).unwrap();
+                assert_eq!((rim.at, rim.inwards), (0.0, inwards), "the rim, where three items begin");
+                assert_eq!(rim.exact, is_exact.then_some((0, 0.0)), "the viewcell ends at {end}");
+            }
         }
     }
 }
