@@ -398,6 +398,9 @@ mod tests {
             let target = other.lo + (other.hi - other.lo) * part;
             let at = eye + (target - eye) * ((random.range(0.0, 8.0) - eye.z) / (target.z - eye.z));
             let is_between = |at: DVec3| direction.is_between(&LocalBox { lo: at, hi: at }, &other);
+            // A post along the depth that holds the point.
+            let long = LocalBox { lo: at.with_z(random.range(-1.0, at.z)), hi: at.with_z(9.0) };
+            assert!(direction.is_between(&long, &other), "trial {trial}: {long:?} holds {at}, {other:?}");
             assert!(is_between(at), "trial {trial}: {at} on the way from {eye} to {target}");
             counts[usize::from(is_between(random.vector(12.0).with_z(4.0)))] += 1;
         }

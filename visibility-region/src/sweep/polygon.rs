@@ -220,7 +220,8 @@ mod tests {
     #[test]
     fn polygons_beside_the_rectangle_set_nothing() {
         let (mut inside, map, mut sides) = (PixelBlock::new(), RayMap::new(), [[0.0; SIDE]; 2]);
-        let rect = PixelRect { x: [200, 255], y: [100, 163] };
+        let (rect, mut full) = (PixelRect { x: [200, 255], y: [100, 163] }, RayMap::new());
+        (0..SIDE).for_each(|row| full.set_span(row, 0, SIDE - 1));
         let triangle = |x: f64, y: f64| {
             [[x, y], [x, y + 50.0], [x + 90.0, y + 25.0]].map(|[x, y]| DVec3::new(x, y, 1.0))
         };
@@ -230,6 +231,8 @@ mod tests {
             let any = polygon.fill(&mut inside, &mut sides, &map, &Window::unit(), rect);
             let is_set = (100..164).any(|y| (200..256).any(|x| inside.get(x, y)));
             assert_eq!((any, is_set), (false, false), "a triangle at {x}, {y}");
+            let any = polygon.fill(&mut inside, &mut sides, &full, &Window::unit(), rect);
+            assert!(!any, "a triangle at {x}, {y}, on a full map");
         }
         inside.begin(rect);
         let polygon = Polygon::cut(triangle(150.0, 110.0), 0.5, 2.0);
