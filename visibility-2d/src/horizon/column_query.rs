@@ -387,4 +387,55 @@ mod tests {
         }
         assert!(met > 30_000, "{met} points are in faces");
     }
+
+    /// Coordinates relative to the eye hold the exact ones, also of what is so near to an eye far away that
+    /// the eye's rounding in `f32` matters.
+    #[test]
+    fn coordinates_relative_to_the_eye_are_rounded_outwards() {
+        let mut random = Random(2);
+        for trial in 0..100_000 {
+            let far = [1.0, 1e5, 1e9][trial % 3];
+            let own = random.fine_range(-far, far) as f32;
+            let near = 10f64.powf(random.range(-6.0, 3.0)) * if random.one_in(2) { 1.0 } else { -1.0 };
+            let mut frame = Frame::BLIND;
+            let axis = trial % 3;
+            frame.eye = [0.0; 3];
+            frame.eye[axis] = f64::from(own) - near * random.fine_unit();
+            frame.error = [0.0, 1e-3][random.below(2)];
+            let query = QueryEye::new(&frame);
+            let relative = Relative::<1>::new(&query, [[&[own], &[own]]; 3]);
+            let [least, most] = [relative.x, relative.y, relative.z][axis].map(|x| f64::from(x[0]));
+            for error in [-frame.error, frame.error] {
+                // The difference of a number of `f32` and one near by is exact, or rounds by a 2^-29th of U.
+                let exact = f64::from(own) - frame.eye[axis] + error;
+                assert!(least <= exact && exact <= most, "trial {trial}: {exact} from {least} to {most}");
+            }
+        }
+        let mut frame = Frame::BLIND;
+        (frame.eye, frame.error) = ([1e39, 0.0, 0.0], 0.0);
+        assert_eq!(QueryEye::new(&frame).error, f32::INFINITY, "an eye beyond `f32`");
+    }
+
+    /// Boxes on each side of the eye have parts in the faces there; one around the eye has none.
+    #[test]
+    fn boxes_on_each_side_have_parts() {
+        let mut frame = Frame::BLIND;
+        frame.error = 0.0;
+        let (eye, mut columns) = (QueryEye::new(&frame), Columns::new(16));
+        columns.begin(&frame);
+        let parts = |min: [f32; 3], max: [f32; 3]| {
+            let mut faces = std::vec::Vec::new();
+            let is_beside =
+                columns.for_each_part(&eye, [0, 1, 2], &Aabb::from_arrays(min, max), |face, _, _, _| {
+                    faces.push(face);
+                    true
+                });
+            (is_beside, faces)
+        };
+        for (face, [x, y]) in [[5.0, 0.0], [0.0, 5.0], [-5.0, 0.0], [0.0, -5.0]].into_iter().enumerate() {
+            let found = parts([x - 1.0, y - 1.0, 0.0], [x + 1.0, y + 1.0, 1.0]);
+            assert_eq!(found, (true, std::vec![face]), "a box at {x}, {y}");
+        }
+        assert_eq!(parts([-1.0, -1.0, 3.0], [1.0, 1.0, 4.0]), (false, std::vec![]), "a box above the eye");
+    }
 }

@@ -323,6 +323,7 @@ pub(crate) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use alloc::vec;
     use visibility_core::glam::{Mat3, Vec3};
 
     /// Returns the number of solids found in a mesh of triangles.
@@ -508,5 +509,38 @@ mod tests {
         let beyond = [[at(p, 0.0), at(s, 0.0), at(r, 0.0)]];
         let wider = [prism, beyond.to_vec()].concat();
         assert_eq!(count(&wider, true, Affine3A::IDENTITY), 0, "a side is across the hull of the plan");
+    }
+
+    /// Conditions of prisms, one at a time.
+    #[test]
+    fn shapes_that_are_nearly_prisms_are_none() {
+        let identity = Affine3A::IDENTITY;
+        let house = prism(&SQUARE);
+        let at = |i: usize, z: f32| Vec3::new(SQUARE[i][0], SQUARE[i][1], z);
+        let floor = [house.clone(), vec![[at(0, 0.0), at(1, 0.0), at(2, 0.0)]]].concat();
+        assert_eq!(count(&floor, true, identity), 1, "a house with half a floor");
+        let flat = [[at(0, 0.0), at(1, 0.0), at(2, 0.0)], [at(0, 0.0), at(2, 0.0), at(3, 0.0)]];
+        assert_eq!(count(&flat, true, identity), 0, "a flat square");
+        // The top is lifted at one corner.
+        let lifted: Vec<_> =
+            house.iter().map(|t| t.map(|p| if p == at(2, 3.0) { at(2, 4.0) } else { p })).collect();
+        assert_eq!(count(&lifted, true, identity), 0, "a house with three heights");
+        for (sides, expected) in [(31, 1), (32, 1), (33, 0), (40, 0)] {
+            let plan: Vec<[f32; 2]> = (0..sides)
+                .map(|i| 100.0 * core::f32::consts::TAU * i as f32 / sides as f32 / 100.0)
+                .map(|angle| [100.0 * angle.cos(), 100.0 * angle.sin()])
+                .collect();
+            assert_eq!(count(&prism(&plan), true, identity), expected, "a prism of {sides} sides");
+        }
+        // Three corners, of which each two are neighbours: all faces but the top lean across the plan.
+        let [p, q, r] = [0, 1, 2].map(|i| at(i, 0.0));
+        let [a, b, c] = [0, 1, 2].map(|i| at(i, 3.0));
+        let across = [[a, b, c], [b, a, r], [c, b, p], [a, c, q], [r, a, q], [p, b, r], [q, c, p]];
+        assert_eq!(count(&across, true, identity), 0, "faces across the plan");
+        // The error of a prism far away.
+        let mesh = OccluderMesh::from_triangles(&house).unwrap();
+        let mut solids = Solids::default();
+        solids.add_mesh(&mesh, &Affine3A::from_translation(Vec3::new(1e5, 0.0, 0.0)), UpAxis::Z, false);
+        assert!(solids.solids[0].error >= 8.0 * f64::EPSILON * 1e5, "the error of a house far away");
     }
 }

@@ -105,9 +105,8 @@ impl Horizon {
         };
         match solid.shape {
             Shape::Convex => {
-                if frame.eye[2] > solid.open_below + doubt + f64::EPSILON * frame.eye[2].abs()
-                    && posts.iter().all(is_beyond_near)
-                {
+                // The sum rounds to no less than the eye's height if it is no less exactly.
+                if frame.eye[2] > solid.open_below + doubt && posts.iter().all(is_beyond_near) {
                     self.columns.draw_solid(frame, posts, solid.error);
                 }
             }
@@ -284,5 +283,27 @@ mod tests {
         assert!(blind.is_blind(), "an eye that may be anywhere");
         blind.add(&mesh, &Affine3A::IDENTITY);
         assert!(!hides(&blind), "a tower, to an eye that may be anywhere");
+    }
+
+    /// What a solid or a wall hides is lower by the error of its posts.
+    #[test]
+    fn errors_of_posts_lower_what_they_hide() {
+        for shape in [Shape::Convex, Shape::Wall { two_sided: true }] {
+            for (error, slope, is_hidden) in
+                [(0.0, 0.139_5, true), (0.05, 0.139_5, false), (0.05, 0.12, true)]
+            {
+                let mut horizon = horizon();
+                let four = posts(50.0, [-50.0, 9.0]);
+                let posts = if shape == Shape::Convex { &four[..] } else { &four[..2] };
+                horizon.add_solid(&solid(shape, error, f64::NEG_INFINITY), posts);
+                let top = 2.0 + 500.0 * slope;
+                let bounds = Aabb::new(Vec3::new(500.0, -0.1, 2.0), Vec3::new(500.2, 0.1, top));
+                let found = horizon.test(&bounds) == Occlusion::Hidden;
+                assert_eq!(
+                    found, is_hidden,
+                    "{shape:?} of slope 0.14, off by {error}; a box of slope {slope}"
+                );
+            }
+        }
     }
 }

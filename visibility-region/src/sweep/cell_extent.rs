@@ -41,8 +41,8 @@ impl CellExtent {
             let error = 8.0 * f64::EPSILON * (origin.abs().element_sum() + plane.offset.abs());
             (Plane::new(plane.normal, offset), error)
         };
-        // A plane whose offset or error is not finite has a margin in `least` that is not finite either, and so
-        // a bound of minus infinity or NaN, which bounds nothing.
+        // A plane whose offset or error is not finite has a margin in `least` that is not finite either, and
+        // so a bound of minus infinity or NaN, which bounds nothing.
         let planes = cell.planes.iter().filter_map(Plane::normalized).map(relative);
         // With an origin of zero, the differences are exact. Otherwise they round by half an EPSILON of their
         // result.

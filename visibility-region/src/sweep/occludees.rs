@@ -195,7 +195,7 @@ mod tests {
     use super::*;
     use visibility_core::glam::DVec3;
 
-    /// A direction of a viewcell of 2 by 6 by 1 metres, whose coordinates are off by 1/64, with a guard of 1/8.
+    /// A direction of a viewcell of 2 by 6 by 1 metres, whose coordinates are off by 1/64: its guard is 1/8.
     fn direction() -> Direction {
         let rows = [DVec3::X, DVec3::Y, DVec3::Z];
         let (half, error) = ([1.0, 3.0], 1.0 / 64.0);
