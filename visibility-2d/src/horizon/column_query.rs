@@ -5,13 +5,15 @@
 //!
 //! # Rounding
 //! With `u = 2^-24`, the unit round-off of `f32`. The eye is given as `high + low` in `f32`, within `a`
-//! metres of the exact one. Subtracting `high` and then `low` from a coordinate rounds by `2u` of the result
-//! and of `low`, and `a` includes the latter. So coordinates are moved outwards by `4u` of themselves plus
-//! `a`, which rounds once more. Inverses and products with them then round by `u` each, so heights and
-//! inverse depths are moved outwards by `8u` of themselves. Positions of columns, at most `2h` if the face
-//! has `2h` columns, round by `4u` of this in an inverse, two products and a sum, and are moved by `16u h`.
-//! Positions outside of the face have larger errors, but stay on the correct side. Underflow loses less than
-//! the least normal number.
+//! metres of the exact one, and `u` of `low`. No number of `f32` is nearer to the eye than `high`, so `low` is
+//! at most the result of subtracting `high` and then `low` from a coordinate, up to rounding. The first
+//! difference is exact, or the coordinate is not within a factor of two of `high`, and `low` is `2u` of the
+//! difference at most; so both subtractions and the rounding of `low` together are `2u` of the result, and
+//! terms in `u^2`. Coordinates are moved outwards by `4u` of themselves plus `a`, which rounds once more.
+//! Inverses and products with them then round by `u` each, so heights and inverse depths are moved outwards
+//! by `8u` of themselves. Positions of columns, at most `2h` if the face has `2h` columns, round by `4u` of
+//! this in an inverse, two products and a sum, and are moved by `16u h`. Positions outside of the face have
+//! larger errors, but stay on the correct side. Underflow loses less than the least normal number.
 
 use super::columns::{BLOCK, Columns};
 use super::frame::{FACES, Frame};
@@ -38,10 +40,8 @@ impl QueryEye {
     pub(crate) fn new(frame: &Frame) -> Self {
         let high = frame.eye.map(|x| x as f32);
         let low: [f32; 3] = core::array::from_fn(|i| (frame.eye[i] - f64::from(high[i])) as f32);
-        let size = frame.eye.iter().fold(0.0f64, |size, x| size.max(x.abs()));
-        // `low` is at most `u size`. It rounds by `u` of itself, once when it is made and twice when it is
-        // subtracted.
-        let error = 2.0 * (frame.error + 4.0 * f64::from(U) * f64::from(U) * size) + 1e-30;
+        // Twice the error of the eye holds the rounding to `f32`.
+        let error = 2.0 * frame.error + 1e-30;
         let is_finite = high.iter().all(|x| x.is_finite());
         Self { high, low, error: if is_finite { (error as f32).next_up() } else { f32::INFINITY } }
     }

@@ -306,4 +306,21 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn what_a_clip_plane_cuts_hides_nothing() {
+        use visibility_core::geometry::Plane;
+        let bounds = Aabb::new(Vec3::new(50.0, -9.0, 0.0), Vec3::new(51.0, 9.0, 90.0));
+        let mesh = OccluderMesh::cuboid(&bounds).unwrap();
+        let eye = DVec3::new(0.0, 0.0, 2.0);
+        let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, 1.0, 1e4).unwrap();
+        for (from, is_hidden) in [(49.5, true), (50.5, false), (52.0, false)] {
+            let view = view.clone().with_clip_planes(&[Plane::new(DVec3::X, -from)]).unwrap();
+            let mut horizon = Horizon::new(UpAxis::Z);
+            horizon.begin(&view, DVec3::ZERO);
+            horizon.add(&mesh, &Affine3A::IDENTITY);
+            assert_eq!(hides(&horizon), is_hidden, "a tower at 50 m, cut away up to {from} m");
+        }
+    }
 }
