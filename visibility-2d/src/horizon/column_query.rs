@@ -5,8 +5,8 @@
 //!
 //! # Rounding
 //! With `u = 2^-24`, the unit round-off of `f32`. The eye is given as `high + low` in `f32`, within `a`
-//! metres of the exact one, and `u` of `low`. No number of `f32` is nearer to the eye than `high`, so `low` is
-//! at most the result of subtracting `high` and then `low` from a coordinate, up to rounding. The first
+//! metres of the exact one, and `u` of `low`. No number of `f32` is nearer to the eye than `high`, so `low`
+//! is at most the result of subtracting `high` and then `low` from a coordinate, up to rounding. The first
 //! difference is exact, or the coordinate is not within a factor of two of `high`, and `low` is `2u` of the
 //! difference at most; so both subtractions and the rounding of `low` together are `2u` of the result, and
 //! terms in `u^2`. Coordinates are moved outwards by `4u` of themselves plus `a`, which rounds once more.

@@ -316,7 +316,7 @@ mod tests {
         let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
         let view = View::perspective(pose, 1.0, 1.0, 1.0, 1e4).unwrap();
         for (from, is_hidden) in [(49.5, true), (50.5, false), (52.0, false)] {
-            let view = view.clone().with_clip_planes(&[Plane::new(DVec3::X, -from)]).unwrap();
+            let view = view.with_clip_planes(&[Plane::new(DVec3::X, -from)]).unwrap();
             let mut horizon = Horizon::new(UpAxis::Z);
             horizon.begin(&view, DVec3::ZERO);
             horizon.add(&mesh, &Affine3A::IDENTITY);

@@ -400,13 +400,14 @@ mod tests {
             let mut large = || [0.0, 9e-4, 9e-4 * random.unit()][random.below(3)];
             let (mut frame, error) = (Frame::BLIND, large());
             frame.error = large();
-            let (near, height) = (random.range(1.0, 2.0), random.range(0.5, 1.0) * random.pick(&[1.0, 20.0]));
+            let near = random.range(1.0, 2.0);
+            let [height, under] = [(); 2].map(|()| random.range(0.5, 1.0) * random.pick(&[1.0, 20.0]));
             // Half of the panels are across the face, and level.
             let is_level = random.one_in(2);
             let mut post = |y: f64| {
                 let turn = |random: &mut Random| if is_level { 0.0 } else { random.range(0.0, 0.4) };
                 let (x, high) = (near + turn(&mut random), height + turn(&mut random));
-                Post { x, y: x * y, low: -height - turn(&mut random), high }
+                Post { x, y: x * y, low: -under - turn(&mut random), high }
             };
             let posts = [post(0.7), post(-0.6)];
             columns.begin(&frame);
@@ -581,13 +582,13 @@ mod tests {
         let whole = [panel(0, 1), panel(1, 2), panel(2, 3), panel(3, 0)].concat();
         // From the left to the right of the near panel its front is seen, the other three show their backs.
         let near = vec![right, left];
-        assert_eq!(runs(&whole[..2], false), [near.clone()], "the near panel");
+        assert_eq!(runs(&whole[..2], false), core::slice::from_ref(&near), "the near panel");
         assert_eq!(runs(&whole[4..6], false), Vec::<Vec<i64>>::new(), "the back of the far panel");
         let back = vec![right, far_right, far_right, far_left, far_left, left];
         for start in 0..4 {
             let mut turned = whole.clone();
             turned.rotate_left(2 * start);
-            assert_eq!(runs(&turned, false), [near.clone()], "a ring from panel {start}");
+            assert_eq!(runs(&turned, false), core::slice::from_ref(&near), "a ring from panel {start}");
             let mut both = runs(&turned, true);
             both.sort();
             let mut expected = [near.clone(), back.clone()];

@@ -303,9 +303,9 @@ mod tests {
                 assert!(least <= t.error, "trial {trial}: off by {least}, not {}", t.error);
                 (exact, rounded) = (exact + usize::from(t.error == 0.0), rounded + usize::from(least > 0.0));
                 let bounds = objects[0].bounds;
-                for k in 0..3 {
+                for (k, at) in at.iter().enumerate() {
                     let [min, max] =
-                        [bounds.min[k], bounds.max[k]].map(|x| at[k].plus((-f64::from(x)).into()).hi);
+                        [bounds.min[k], bounds.max[k]].map(|x| at.plus((-f64::from(x)).into()).hi);
                     assert!(min >= 0.0 && max <= 0.0, "trial {trial}: {p} in {bounds:?}");
                 }
             }
