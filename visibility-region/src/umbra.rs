@@ -305,4 +305,49 @@ mod tests {
         assert!(inside([2.0, 0.0, 0.0], [3.0, 1.0, 1.0]), "a cell that touches the wall");
         assert!(inside([2.0, 0.0, 0.0], [5.0, 1.0, 1.0]), "a cell that the wall passes through");
     }
+
+    /// Points of a plane that is steep along x, in boxes that end at the anchor along that axis: no box is on
+    /// a side of the plane that one of its points is not on. Compared in integers.
+    #[test]
+    fn boxes_that_end_at_the_anchor_are_on_no_side_that_rounding_tells() {
+        let mut random = Random(2);
+        let mut counts = [0; 2];
+        for round in 0..20_000 {
+            let mut number = |bits: u32| i128::from(random.bits() >> (64 - bits)) + 1;
+            let (a, b) = (number(30), number(30));
+            let (u, v) = ([number(20), a, b], [number(20), a + number(2), b + number(2)]);
+            let n = [1, 2, 0].map(|i| u[i] * v[(i + 1) % 3] - u[(i + 1) % 3] * v[i]);
+            let divisor = {
+                let (mut p, mut q) = (n[0].abs(), n[1].abs());
+                while q != 0 {
+                    (p, q) = (q, p % q);
+                }
+                p
+            };
+            if divisor == 0 {
+                continue;
+            }
+            // A point of the plane, and the anchor's x: the box has the coordinates of both.
+            let point = [n[1] / divisor, -n[0] / divisor];
+            if point.iter().any(|x| x.abs() >= 1 << 52) {
+                continue;
+            }
+            let real = |p: [i128; 3]| DVec3::from(p.map(|x| x as f64));
+            let side = Side::new(DVec3::ZERO, real(u), real(v));
+            for off in [-1, 0, 1] {
+                let x = point[0] + off;
+                let ends = [[x.min(0), point[1], 0], [x.max(0), point[1], 0]];
+                let heights = ends.map(|end| (0..3).map(|k| n[k] * end[k]).sum::<i128>());
+                let found = side.classify(real(ends[0]), real(ends[1]), 0.0);
+                let is_right = match found {
+                    Containment::Inside => heights.iter().all(|&height| height > 0),
+                    Containment::Outside => heights.iter().all(|&height| height < 0),
+                    Containment::Crossing => true,
+                };
+                assert!(is_right, "round {round}: {found:?} of {ends:?} with heights {heights:?}");
+                counts[usize::from(heights[0] * heights[1] > 0)] += 1;
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 1_000), "across the plane and beside it: {counts:?}");
+    }
 }

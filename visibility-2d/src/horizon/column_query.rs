@@ -5,13 +5,15 @@
 //!
 //! # Rounding
 //! With `u = 2^-24`, the unit round-off of `f32`. The eye is given as `high + low` in `f32`, within `a`
-//! metres of the exact one. Subtracting `high` and then `low` from a coordinate rounds by `2u` of the result
-//! and of `low`, and `a` includes the latter. So coordinates are moved outwards by `4u` of themselves plus
-//! `a`, which rounds once more. Inverses and products with them then round by `u` each, so heights and
-//! inverse depths are moved outwards by `8u` of themselves. Positions of columns, at most `2h` if the face
-//! has `2h` columns, round by `4u` of this in an inverse, two products and a sum, and are moved by `16u h`.
-//! Positions outside of the face have larger errors, but stay on the correct side. Underflow loses less than
-//! the least normal number.
+//! metres of the exact one, and `u` of `low`. No number of `f32` is nearer to the eye than `high`, so `low`
+//! is at most the result of subtracting `high` and then `low` from a coordinate, up to rounding. The first
+//! difference is exact, or the coordinate is not within a factor of two of `high`, and `low` is `2u` of the
+//! difference at most; so both subtractions and the rounding of `low` together are `2u` of the result, and
+//! terms in `u^2`. Coordinates are moved outwards by `4u` of themselves plus `a`, which rounds once more.
+//! Inverses and products with them then round by `u` each, so heights and inverse depths are moved outwards
+//! by `8u` of themselves. Positions of columns, at most `2h` if the face has `2h` columns, round by `4u` of
+//! this in an inverse, two products and a sum, and are moved by `16u h`. Positions outside of the face have
+//! larger errors, but stay on the correct side. Underflow loses less than the least normal number.
 
 use super::columns::{BLOCK, Columns};
 use super::frame::{FACES, Frame};
@@ -38,10 +40,8 @@ impl QueryEye {
     pub(crate) fn new(frame: &Frame) -> Self {
         let high = frame.eye.map(|x| x as f32);
         let low: [f32; 3] = core::array::from_fn(|i| (frame.eye[i] - f64::from(high[i])) as f32);
-        let size = frame.eye.iter().fold(0.0f64, |size, x| size.max(x.abs()));
-        // `low` is at most `u size`. It rounds by `u` of itself, once when it is made and twice when it is
-        // subtracted.
-        let error = 2.0 * (frame.error + 4.0 * f64::from(U) * f64::from(U) * size) + 1e-30;
+        // Twice the error of the eye holds the rounding to `f32`.
+        let error = 2.0 * frame.error + 1e-30;
         let is_finite = high.iter().all(|x| x.is_finite());
         Self { high, low, error: if is_finite { (error as f32).next_up() } else { f32::INFINITY } }
     }
@@ -386,5 +386,56 @@ mod tests {
             }
         }
         assert!(met > 30_000, "{met} points are in faces");
+    }
+
+    /// Coordinates relative to the eye hold the exact ones, also of what is so near to an eye far away that
+    /// the eye's rounding in `f32` matters.
+    #[test]
+    fn coordinates_relative_to_the_eye_are_rounded_outwards() {
+        let mut random = Random(2);
+        for trial in 0..100_000 {
+            let far = [1.0, 1e5, 1e9][trial % 3];
+            let own = random.fine_range(-far, far) as f32;
+            let near = 10f64.powf(random.range(-6.0, 3.0)) * if random.one_in(2) { 1.0 } else { -1.0 };
+            let mut frame = Frame::BLIND;
+            let axis = trial % 3;
+            frame.eye = [0.0; 3];
+            frame.eye[axis] = f64::from(own) - near * random.fine_unit();
+            frame.error = [0.0, 1e-3][random.below(2)];
+            let query = QueryEye::new(&frame);
+            let relative = Relative::<1>::new(&query, [[&[own], &[own]]; 3]);
+            let [least, most] = [relative.x, relative.y, relative.z][axis].map(|x| f64::from(x[0]));
+            for error in [-frame.error, frame.error] {
+                // The difference of a number of `f32` and one near by is exact, or rounds by a 2^-29th of U.
+                let exact = f64::from(own) - frame.eye[axis] + error;
+                assert!(least <= exact && exact <= most, "trial {trial}: {exact} from {least} to {most}");
+            }
+        }
+        let mut frame = Frame::BLIND;
+        (frame.eye, frame.error) = ([1e39, 0.0, 0.0], 0.0);
+        assert_eq!(QueryEye::new(&frame).error, f32::INFINITY, "an eye beyond `f32`");
+    }
+
+    /// Boxes on each side of the eye have parts in the faces there; one around the eye has none.
+    #[test]
+    fn boxes_on_each_side_have_parts() {
+        let mut frame = Frame::BLIND;
+        frame.error = 0.0;
+        let (eye, mut columns) = (QueryEye::new(&frame), Columns::new(16));
+        columns.begin(&frame);
+        let parts = |min: [f32; 3], max: [f32; 3]| {
+            let mut faces = std::vec::Vec::new();
+            let is_beside =
+                columns.for_each_part(&eye, [0, 1, 2], &Aabb::from_arrays(min, max), |face, _, _, _| {
+                    faces.push(face);
+                    true
+                });
+            (is_beside, faces)
+        };
+        for (face, [x, y]) in [[5.0, 0.0], [0.0, 5.0], [-5.0, 0.0], [0.0, -5.0]].into_iter().enumerate() {
+            let found = parts([x - 1.0, y - 1.0, 0.0], [x + 1.0, y + 1.0, 1.0]);
+            assert_eq!(found, (true, std::vec![face]), "a box at {x}, {y}");
+        }
+        assert_eq!(parts([-1.0, -1.0, 3.0], [1.0, 1.0, 4.0]), (false, std::vec![]), "a box above the eye");
     }
 }

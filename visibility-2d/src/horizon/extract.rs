@@ -323,6 +323,7 @@ pub(crate) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use alloc::vec;
     use visibility_core::glam::{Mat3, Vec3};
 
     /// Returns the number of solids found in a mesh of triangles.
@@ -390,5 +391,156 @@ mod tests {
         house.truncate(last - 1);
         house.extend([[a, b, c], [a, c, b]]);
         assert_eq!(count(&house, true, Affine3A::IDENTITY), 0, "a flap on the top of a house");
+    }
+
+    /// Posts of placed meshes are within the solid's error of the exact vertices. Compared in double-double
+    /// numbers.
+    #[test]
+    fn posts_are_within_their_error() {
+        use visibility_core::Aabb;
+        use visibility_core::geometry::DoubleDouble;
+        let mut random = visibility_testing::Random(1);
+        let (min, max) = (Vec3::new(-0.3, -0.7, -0.1), Vec3::new(0.9, 0.4, 0.6));
+        let mesh = OccluderMesh::cuboid(&Aabb::new(min, max)).unwrap();
+        let mut off_at_all = 0;
+        for trial in 0..2_000 {
+            let columns = [0; 3].map(|_| random.vec3(-9.0, 9.0));
+            let far = [0.0, 1e5][trial % 2];
+            let transform = Affine3A::from_mat3_translation(
+                Mat3::from_cols(columns[0], columns[1], columns[2]),
+                random.vec3(-far, far),
+            );
+            let mut solids = Solids::default();
+            solids.add_mesh(&mesh, &transform, UpAxis::Z, false);
+            let [solid] = solids.solids[..] else { panic!("trial {trial}: {} solids", solids.solids.len()) };
+            for vertex in mesh.positions() {
+                let at = [0, 1, 2].map(|k| {
+                    let [x, y, z] =
+                        [0, 1, 2].map(|i| DoubleDouble::product(columns[i][k].into(), vertex[i].into()));
+                    x.plus(y).plus(z).plus(f64::from(transform.translation[k]).into())
+                });
+                let off = |post: &Post| {
+                    let by = [post.x, post.y, post.low].map(|x| DoubleDouble::from(-x));
+                    let off = [0, 1, 2].map(|k| at[k].plus(by[k]).hi);
+                    off.iter().map(|x| x * x).sum::<f64>().sqrt()
+                };
+                let least = solids.posts(&solid).iter().map(off).fold(f64::INFINITY, f64::min);
+                off_at_all += usize::from(least > 0.0);
+                assert!(least <= solid.error, "trial {trial}: {vertex} off by {least}, not {}", solid.error);
+            }
+        }
+        assert!(off_at_all > 1_000, "{off_at_all} vertices are rounded");
+    }
+
+    /// Vertices over each other are one post, from the lowest to the highest; others are posts of their own.
+    #[test]
+    fn vertices_over_each_other_are_one_post() {
+        let mut solids = Solids::default();
+        let level = |x: f64, y: f64, z: f64| Post { x, y, low: z, high: z };
+        for (x, y, z) in [(1.0, 2.0, 5.0), (1.0, 3.0, 9.0), (4.0, 2.0, 8.0), (1.0, 2.0, 7.0), (1.0, 2.0, 3.0)]
+        {
+            solids.add_post(0, level(x, y, z));
+        }
+        let expected =
+            [Post { x: 1.0, y: 2.0, low: 3.0, high: 7.0 }, level(1.0, 3.0, 9.0), level(4.0, 2.0, 8.0)];
+        assert_eq!(solids.posts, expected, "posts of five vertices");
+    }
+
+    /// Fewer than two posts, or one that is not finite, are no solid, and leave no posts.
+    #[test]
+    fn posts_that_are_few_or_not_finite_are_no_solid() {
+        let good = Post { x: 1.0, y: 2.0, low: 3.0, high: 7.0 };
+        let finish = |posts: &[Post]| {
+            let mut solids = Solids::default();
+            solids.posts.extend([good]);
+            solids.posts.extend(posts);
+            solids.finish(1, &Affine3A::IDENTITY, 9.0, Shape::Convex, 0.25, 0.0);
+            (solids.solids.first().map(|solid| (solid.first, solid.count, solid.error)), solids.posts.len())
+        };
+        assert_eq!(finish(&[good, good]), (Some((1, 2, 0.25)), 3), "two posts, off by the dent alone");
+        assert_eq!(finish(&[good]), (None, 1), "one post");
+        let not = f64::INFINITY;
+        let others = [
+            Post { x: not, ..good },
+            Post { y: not, ..good },
+            Post { low: -not, ..good },
+            Post { high: f64::NAN, ..good },
+        ];
+        for other in others {
+            assert_eq!(finish(&[good, other]), (None, 1), "{other:?}");
+            assert_eq!(finish(&[other, good]), (None, 1), "{other:?}");
+        }
+    }
+
+    /// A convex mesh that is no cuboid may have dents of two steps of `f32` of its greatest coordinate.
+    #[test]
+    fn convex_solids_allow_for_dents() {
+        let at = |x, y, z| Vec3::new(x, y, z) * 1000.0;
+        let [a, b, c, d] = [at(0.0, 0.0, 0.0), at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0), at(0.0, 0.0, 1.0)];
+        let mesh = OccluderMesh::from_triangles(&[[a, c, b], [a, b, d], [b, c, d], [c, a, d]]).unwrap();
+        assert!(mesh.is_convex(), "a tetrahedron");
+        let mut solids = Solids::default();
+        solids.add_mesh(&mesh, &Affine3A::IDENTITY, UpAxis::Z, false);
+        let step = f64::from(1000f32.next_up()) - 1000.0;
+        assert_eq!(solids.solids.len(), 1, "a tetrahedron is a solid");
+        assert!(solids.solids[0].error >= 2.0 * step, "{} for dents", solids.solids[0].error);
+    }
+
+    /// The largest upright face: the longer side on the plan times the height.
+    #[test]
+    fn faces_are_those_of_the_bounds() {
+        let post = |x, y| Post { x, y, low: 1.0, high: 3.0 };
+        let posts = [post(0.0, 0.0), post(5.0, 1.0), Post { low: 0.0, high: 4.0, ..post(2.0, 2.0) }];
+        assert_eq!(face(&posts), 20.0, "5 m by 4 m");
+        let turned = posts.map(|p| Post { x: p.y, y: p.x, ..p });
+        assert_eq!(face(&turned), 20.0, "5 m along y by 4 m");
+    }
+
+    /// A prism of which one side is across the hull of the plan, since its floor reaches farther.
+    #[test]
+    fn a_side_across_the_hull_is_no_side_of_a_prism() {
+        let at = |[x, y]: [f32; 2], z: f32| Vec3::new(x, y, z);
+        let side = |a, b| [[at(a, 0.0), at(b, 0.0), at(b, 3.0)], [at(a, 0.0), at(b, 3.0), at(a, 3.0)]];
+        let ([p, q, r, _], s) = (SQUARE, [0.5, 1.5]);
+        let half = [side(p, q), side(q, r), side(r, p)].concat();
+        let top = [[at(p, 3.0), at(q, 3.0), at(r, 3.0)]];
+        let prism = [half.clone(), top.to_vec()].concat();
+        assert_eq!(count(&prism, true, Affine3A::IDENTITY), 1, "a prism over a triangle");
+        let beyond = [[at(p, 0.0), at(s, 0.0), at(r, 0.0)]];
+        let wider = [prism, beyond.to_vec()].concat();
+        assert_eq!(count(&wider, true, Affine3A::IDENTITY), 0, "a side is across the hull of the plan");
+    }
+
+    /// Conditions of prisms, one at a time.
+    #[test]
+    fn shapes_that_are_nearly_prisms_are_none() {
+        let identity = Affine3A::IDENTITY;
+        let house = prism(&SQUARE);
+        let at = |i: usize, z: f32| Vec3::new(SQUARE[i][0], SQUARE[i][1], z);
+        let floor = [house.clone(), vec![[at(0, 0.0), at(1, 0.0), at(2, 0.0)]]].concat();
+        assert_eq!(count(&floor, true, identity), 1, "a house with half a floor");
+        let flat = [[at(0, 0.0), at(1, 0.0), at(2, 0.0)], [at(0, 0.0), at(2, 0.0), at(3, 0.0)]];
+        assert_eq!(count(&flat, true, identity), 0, "a flat square");
+        // The top is lifted at one corner.
+        let lifted: Vec<_> =
+            house.iter().map(|t| t.map(|p| if p == at(2, 3.0) { at(2, 4.0) } else { p })).collect();
+        assert_eq!(count(&lifted, true, identity), 0, "a house with three heights");
+        for (sides, expected) in [(31, 1), (32, 1), (33, 0), (40, 0)] {
+            let plan: Vec<[f32; 2]> = (0..sides)
+                .map(|i| 100.0 * core::f32::consts::TAU * i as f32 / sides as f32 / 100.0)
+                .map(|angle| [100.0 * angle.cos(), 100.0 * angle.sin()])
+                .collect();
+            assert_eq!(count(&prism(&plan), true, identity), expected, "a prism of {sides} sides");
+        }
+        // Three corners, of which each two are neighbours: all faces but the top lean across the plan.
+        let [p, q, r] = [0, 1, 2].map(|i| at(i, 0.0));
+        let [a, b, c] = [0, 1, 2].map(|i| at(i, 3.0));
+        let across = [[a, b, c], [b, a, r], [c, b, p], [a, c, q], [r, a, q], [p, b, r], [q, c, p]];
+        assert_eq!(count(&across, true, identity), 0, "faces across the plan");
+        // The error of a prism far away.
+        let mesh = OccluderMesh::from_triangles(&house).unwrap();
+        let mut solids = Solids::default();
+        solids.add_mesh(&mesh, &Affine3A::from_translation(Vec3::new(1e5, 0.0, 0.0)), UpAxis::Z, false);
+        assert!(solids.solids[0].error >= 8.0 * f64::EPSILON * 1e5, "the error of a house far away");
     }
 }

@@ -105,9 +105,8 @@ impl Horizon {
         };
         match solid.shape {
             Shape::Convex => {
-                if frame.eye[2] > solid.open_below + doubt + f64::EPSILON * frame.eye[2].abs()
-                    && posts.iter().all(is_beyond_near)
-                {
+                // The sum rounds to no less than the eye's height if it is no less exactly.
+                if frame.eye[2] > solid.open_below + doubt && posts.iter().all(is_beyond_near) {
                     self.columns.draw_solid(frame, posts, solid.error);
                 }
             }
@@ -179,6 +178,149 @@ impl OcclusionMap for Horizon {
         Occlusion64 {
             hidden: self.columns.hidden_64(&self.eye, self.up.rows(), boxes, candidates),
             visible: 0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Pose;
+    use visibility_core::glam::Vec3;
+
+    /// A horizon of an eye at a height of 2 m that looks along x, with the near plane at 1 m.
+    fn horizon() -> Horizon {
+        let eye = DVec3::new(0.0, 0.0, 2.0);
+        let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, 1.0, 1e4).unwrap();
+        let mut horizon = Horizon::new(UpAxis::Z);
+        horizon.begin(&view, DVec3::ZERO);
+        horizon
+    }
+
+    /// Whether a box far behind is hidden.
+    fn hides(horizon: &Horizon) -> bool {
+        let bounds = Aabb::new(Vec3::new(500.0, -0.1, 2.0), Vec3::new(500.2, 0.1, 2.1));
+        horizon.test(&bounds) == Occlusion::Hidden
+    }
+
+    fn solid(shape: Shape, error: f64, open_below: f64) -> Solid {
+        Solid { shape, first: 0, count: 4, error, dent: 0.0, open_below, face: 1.0 }
+    }
+
+    /// Posts of a wall, or of a solid, whose near side is `x` metres away.
+    fn posts(x: f64, [low, high]: [f64; 2]) -> [Post; 4] {
+        [[x, -5.0], [x, 5.0], [x + 4.0, 5.0], [x + 4.0, -5.0]].map(|[x, y]| Post { x, y, low, high })
+    }
+
+    /// A solid that is open at the bottom hides if the eye is certainly above the bottom: by twice the error
+    /// of the eye and that of the solid.
+    #[test]
+    fn open_solids_hide_from_eyes_above_their_bottom() {
+        for (eye, own) in [(0.0, 0.0), (0.05, 0.0), (0.0, 0.05), (0.05, 0.05)] {
+            for (below, is_hidden) in
+                [(0.0, false), (0.9 * (eye + own), false), (0.01 + 2.1 * (eye + own), true)]
+            {
+                let mut horizon = horizon();
+                horizon.frame.error = eye;
+                horizon.add_solid(&solid(Shape::Convex, own, 2.0 - below), &posts(50.0, [-50.0, 90.0]));
+                assert_eq!(hides(&horizon), is_hidden, "{below} below the eye, errors {eye} and {own}");
+            }
+        }
+    }
+
+    /// Solids that the near plane may cut hide nothing, nor do panels of walls: at either end of a post, and
+    /// as near as their error.
+    #[test]
+    fn what_the_near_plane_may_cut_hides_nothing() {
+        for shape in [Shape::Convex, Shape::Wall { two_sided: true }] {
+            for (x, error, is_hidden) in [
+                (0.9, 0.0, false),
+                (1.1, 0.0, true),
+                (1.019, 0.01, false),
+                (1.01, 0.015, false),
+                (1.04, 0.01, true),
+            ] {
+                let mut horizon = horizon();
+                let post = |x: f64, y: f64| Post { x, y, low: -50.0, high: 90.0 };
+                // A panel from a post near by, and two more behind it.
+                let four = [post(x, -5.0), post(x + 99.0, 99.0), post(x + 99.0, -99.0), post(x + 99.0, 99.0)];
+                let posts = if shape == Shape::Convex { &four[..] } else { &four[..2] };
+                horizon.add_solid(&solid(shape, error, f64::NEG_INFINITY), posts);
+                assert_eq!(hides(&horizon), is_hidden, "{shape:?} at {x}, off by {error}");
+            }
+        }
+    }
+
+    /// A view that looks down has a near plane that the upper ends of posts meet first, and one that looks up
+    /// the lower ones.
+    #[test]
+    fn both_ends_of_a_post_are_beyond_the_near_plane() {
+        for (down, ends) in [(-1.0, [[0.0, 3.0], [0.0, 30.0]]), (1.0, [[1.0, 4.0], [-26.0, 4.0]])] {
+            for ([low, high], is_hidden) in ends.into_iter().zip([true, false]) {
+                let eye = DVec3::new(0.0, 0.0, 2.0);
+                let pose = Pose::look_at(eye, eye + DVec3::new(1.0, 0.0, down), DVec3::Z);
+                let view = View::perspective(pose, 2.0, 1.0, 1.0, 1e4).unwrap();
+                let mut horizon = Horizon::new(UpAxis::Z);
+                horizon.begin(&view, DVec3::ZERO);
+                let four = posts(10.0, [low, high]);
+                horizon.add_solid(&solid(Shape::Convex, 0.0, f64::NEG_INFINITY), &four);
+                assert_eq!(hides(&horizon), is_hidden, "posts from {low} to {high}, a view along {down}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_blind_horizon_is_given_nothing() {
+        let bounds = Aabb::new(Vec3::new(50.0, -9.0, 0.0), Vec3::new(51.0, 9.0, 90.0));
+        let mesh = OccluderMesh::cuboid(&bounds).unwrap();
+        let mut seeing = horizon();
+        assert!(!seeing.is_blind(), "a perspective view");
+        seeing.add(&mesh, &Affine3A::IDENTITY);
+        assert!(hides(&seeing), "a tower");
+        let mut blind = horizon();
+        blind.frame.error = f64::INFINITY;
+        assert!(blind.is_blind(), "an eye that may be anywhere");
+        blind.add(&mesh, &Affine3A::IDENTITY);
+        assert!(!hides(&blind), "a tower, to an eye that may be anywhere");
+    }
+
+    /// What a solid or a wall hides is lower by the error of its posts.
+    #[test]
+    fn errors_of_posts_lower_what_they_hide() {
+        for shape in [Shape::Convex, Shape::Wall { two_sided: true }] {
+            for (error, slope, is_hidden) in
+                [(0.0, 0.139_5, true), (0.05, 0.139_5, false), (0.05, 0.12, true)]
+            {
+                let mut horizon = horizon();
+                let four = posts(50.0, [-50.0, 9.0]);
+                let posts = if shape == Shape::Convex { &four[..] } else { &four[..2] };
+                horizon.add_solid(&solid(shape, error, f64::NEG_INFINITY), posts);
+                let top = 2.0 + 500.0 * slope;
+                let bounds = Aabb::new(Vec3::new(500.0, -0.1, 2.0), Vec3::new(500.2, 0.1, top));
+                let found = horizon.test(&bounds) == Occlusion::Hidden;
+                assert_eq!(
+                    found, is_hidden,
+                    "{shape:?} of slope 0.14, off by {error}; a box of slope {slope}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn what_a_clip_plane_cuts_hides_nothing() {
+        use visibility_core::geometry::Plane;
+        let bounds = Aabb::new(Vec3::new(50.0, -9.0, 0.0), Vec3::new(51.0, 9.0, 90.0));
+        let mesh = OccluderMesh::cuboid(&bounds).unwrap();
+        let eye = DVec3::new(0.0, 0.0, 2.0);
+        let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, 1.0, 1e4).unwrap();
+        for (from, is_hidden) in [(49.5, true), (50.5, false), (52.0, false)] {
+            let view = view.with_clip_planes(&[Plane::new(DVec3::X, -from)]).unwrap();
+            let mut horizon = Horizon::new(UpAxis::Z);
+            horizon.begin(&view, DVec3::ZERO);
+            horizon.add(&mesh, &Affine3A::IDENTITY);
+            assert_eq!(hides(&horizon), is_hidden, "a tower at 50 m, cut away up to {from} m");
         }
     }
 }

@@ -24,7 +24,7 @@
 //! - A wall that is not a convex solid only occludes where its panels join without a gap: see `walls.rs` and
 //!   `outline.rs`.
 //! - A hill hides a point if the line of sight is above the ground first and below it later: see
-//!   `terrain.rs`.
+//!   `terrain/mod.rs`.
 //! - Boxes are rounded outwards and nearer, outlines inwards and farther, by bounds derived in `outline.rs`
 //!   and `column_query.rs`.
 

@@ -249,8 +249,9 @@ impl Outline {
         // The part nearer than 1/64 of the greatest depth is cut off, which loses little occlusion.
         let nearest = deepest * (1.0 / 64.0);
         let e = frame.error + error + 8.0 * U * size + f64::MIN_POSITIVE;
-        // Written so that NaN gives `None`. The other bounds keep all quotients finite.
-        let is_decided = e < nearest * 0.125 && size < nearest * 1e30 && nearest > 1e-100 && size < 1e100;
+        // Written so that NaN gives `None`. `e` is at least `8 U size`, so that `size` is below 2^47 times
+        // `nearest`, and all quotients are finite.
+        let is_decided = e < nearest * 0.125 && nearest > 1e-100 && size < 1e100;
         is_decided.then_some((nearest, e))
     }
 
@@ -372,6 +373,7 @@ impl Edge {
 mod tests {
     use super::super::columns::{BLOCK, Columns};
     use super::*;
+    use alloc::vec;
     use visibility_testing::Random;
 
     /// Number of columns of each face.
@@ -390,18 +392,22 @@ mod tests {
     #[test]
     fn a_panel_hides_what_is_behind_the_exact_panel() {
         let mut random = Random(1);
-        let (mut columns, mut hidden) = (Columns::new(COUNT), 0);
+        // Errors of a 512th of the depth would leave the picture undecided. In narrow columns, what is
+        // less than that shows.
+        const FINE: usize = 4096;
+        let (mut columns, mut hidden) = (Columns::new(FINE), [0; 2]);
         for trial in 0..20_000 {
-            let mut large = || [0.0, 0.02, 0.02 * random.unit()][random.below(3)];
+            let mut large = || [0.0, 9e-4, 9e-4 * random.unit()][random.below(3)];
             let (mut frame, error) = (Frame::BLIND, large());
             frame.error = large();
-            let (near, height) = (random.range(1.0, 2.0), random.range(0.5, 1.0));
+            let near = random.range(1.0, 2.0);
+            let [height, under] = [(); 2].map(|()| random.range(0.5, 1.0) * random.pick(&[1.0, 20.0]));
             // Half of the panels are across the face, and level.
             let is_level = random.one_in(2);
             let mut post = |y: f64| {
                 let turn = |random: &mut Random| if is_level { 0.0 } else { random.range(0.0, 0.4) };
                 let (x, high) = (near + turn(&mut random), height + turn(&mut random));
-                Post { x, y: x * y, low: -height - turn(&mut random), high }
+                Post { x, y: x * y, low: -under - turn(&mut random), high }
             };
             let posts = [post(0.7), post(-0.6)];
             columns.begin(&frame);
@@ -422,7 +428,7 @@ mod tests {
                 let [x, y] = [post.x + moved[0] - eye[0], post.y + moved[1] * post.y.signum() - eye[1]];
                 [x, y, post.low + moved[2].abs() - eye[2], post.high - moved[2].abs() - eye[2]]
             });
-            let at = |y: f64| 0.5 * COUNT as f64 * (1.0 + y);
+            let at = |y: f64| 0.5 * FINE as f64 * (1.0 + y);
             for _ in 0..8 {
                 let part = [0.0, 1.0, random.unit()][random.below(3)];
                 let [x, y, low, high] =
@@ -436,9 +442,185 @@ mod tests {
                 let is_end = part == 0.0 || part == 1.0;
                 let is_hidden = hides(&columns, column, middle, 0.01);
                 assert!(!is_hidden || !is_end, "{}, the column of its end", what());
-                hidden += u32::from(is_hidden);
+                hidden[usize::from(frame.error + error > 9e-4)] += u32::from(is_hidden);
             }
         }
-        assert!(hidden > 5_000, "{hidden} points behind panels are hidden");
+        assert!(
+            hidden.iter().all(|&count| count > 5_000),
+            "{hidden:?} points are hidden, with small and large errors"
+        );
+    }
+
+    /// Corners of panels that are cut before the eye are within their errors of the exact ones. Coordinates
+    /// are integers, so that only cutting and projecting round. Compared in double-double numbers.
+    #[test]
+    fn corners_of_cut_panels_are_within_their_errors() {
+        use visibility_core::geometry::DoubleDouble;
+        let mut random = Random(2);
+        let (mut outline, mut cut) = (Outline::default(), [0; 2]);
+        let mut frame = Frame::BLIND;
+        frame.error = 0.0;
+        for trial in 0..20_000 {
+            let face = trial % 4;
+            let mut number = |most: i32| f64::from(random.between(-most, most));
+            let most = 1 << 26;
+            let mut post = || {
+                let (low, high) = (number(most), number(most));
+                Post { x: number(most), y: number(most), low: low.min(high), high: low.max(high) }
+            };
+            let posts = [post(), post()];
+            if !outline.project_wall(&frame, &posts, 0.0, face, COUNT) || !outline.next_run(true) {
+                continue;
+            }
+            let at = posts.map(|p| {
+                let (depth, lateral) = turned(face, p.x, p.y);
+                [depth, lateral, p.high, p.low]
+            });
+            let nearest = at[0][0].max(at[1][0]) / 64.0;
+            (0..2).for_each(|i| cut[i] += usize::from(at[i][0] < nearest));
+            let half = 0.5 * COUNT as f64;
+            for (corners, row) in [(&outline.upper, 2), (&outline.lower, 3)] {
+                for corner in corners {
+                    // The computed corner is that of the first or the second post, up to its errors.
+                    let is_near = (0..2).any(|i| {
+                        let (own, other) = (at[i], at[1 - i]);
+                        // A fraction over a whole number, after the cut: numbers are products of integers.
+                        let [depth, lateral, height] = if own[0] >= nearest {
+                            [own[0], own[1], own[row]].map(DoubleDouble::from)
+                        } else {
+                            let whole = other[0] - own[0];
+                            let part = DoubleDouble::from(nearest).plus((-own[0]).into());
+                            let along = |k: usize| {
+                                let change = part.times((other[k] - own[k]).into());
+                                DoubleDouble::product(own[k], whole).plus(change)
+                            };
+                            [DoubleDouble::product(nearest, whole), along(1), along(row)]
+                        };
+                        // What is compared is multiplied by the depth.
+                        let column = DoubleDouble::from(half).times(depth.plus(lateral));
+                        let scale = depth.hi.abs();
+                        let off = |found: f64, exact: DoubleDouble| {
+                            depth.times((-found).into()).plus(exact).hi.abs() / scale
+                        };
+                        off(corner.column, column) <= outline.error.column
+                            && off(corner.height, height) <= outline.error.height
+                    });
+                    assert!(
+                        is_near,
+                        "trial {trial}: {corner:?} of {posts:?} in face {face}, {:?}",
+                        outline.error
+                    );
+                }
+            }
+        }
+        assert!(cut.iter().all(|&cut| cut > 1_500), "{cut:?} panels are cut at the first or the second post");
+    }
+
+    /// Pictures that rounding leaves undecided have no outline: errors of an eighth of the least depth that
+    /// is drawn, a 64th of the greatest depth, and sizes that leave no quotient finite.
+    #[test]
+    fn pictures_that_are_undecided_have_no_outline() {
+        let mut outline = Outline::default();
+        let mut is_drawn = |scale: f64, aside: f64, [eye, own]: [f64; 2]| {
+            let mut frame = Frame::BLIND;
+            frame.error = eye;
+            let post = |y: f64| Post { x: 64.0 * scale, y: y * aside, low: -aside, high: aside };
+            let posts = [post(1.0), post(-1.0)];
+            let drawn = outline.project_wall(&frame, &posts, own, 0, COUNT);
+            assert_eq!(outline.project(&frame, &posts, own, 0, COUNT), drawn, "a wall and a solid");
+            drawn
+        };
+        for (errors, expected) in [
+            ([0.0, 0.0], true),
+            ([0.124, 0.0], true),
+            ([0.0, 0.124], true),
+            ([0.126, 0.0], false),
+            ([0.0, 0.126], false),
+            ([0.07, 0.07], false),
+            ([f64::INFINITY, 0.0], false),
+            ([f64::NAN, 0.0], false),
+        ] {
+            assert_eq!(is_drawn(1.0, 9.0, errors), expected, "errors {errors:?} at a depth of 64");
+        }
+        let cases = [
+            (1e-99, 1e-99, true),
+            (1e-101, 1e-101, false),
+            (1e97, 1e97, true),
+            (1e99, 1e99, false),
+            (-1.0, 1.0, false),
+            (f64::NAN, 1.0, false),
+        ];
+        for (scale, aside, expected) in cases {
+            assert_eq!(is_drawn(scale, aside, [0.0; 2]), expected, "{scale} deep, {aside} aside");
+        }
+        // The rounding of what is far to the side, or high, is more than an eighth of the least depth.
+        assert!(!is_drawn(1.0, 1e16, [0.0; 2]), "far to the side");
+    }
+
+    /// The walk along a ring of panels begins where a run begins, and gives each panel once; only fronts,
+    /// unless it is two-sided. Panels that do not meet are runs of their own.
+    #[test]
+    fn runs_are_panels_that_follow_each_other_in_one_direction() {
+        let mut frame = Frame::BLIND;
+        frame.error = 0.0;
+        let post = |x: f64, y: f64| Post { x, y, low: -1.0, high: 1.0 };
+        let ring = [(4.0, 2.0), (4.0, -2.0), (8.0, -3.0), (8.0, 3.0)];
+        let panel = |i: usize, j: usize| [post(ring[i].0, ring[i].1), post(ring[j].0, ring[j].1)];
+        let mut outline = Outline::default();
+        let mut runs = |posts: &[Post], two_sided: bool| {
+            assert!(outline.project_wall(&frame, posts, 0.0, 0, COUNT), "panels in the face");
+            let mut runs = Vec::new();
+            while outline.next_run(two_sided) {
+                let columns: Vec<i64> =
+                    outline.upper.iter().map(|corner| (corner.column * 8.0).round() as i64).collect();
+                runs.push(columns);
+            }
+            runs
+        };
+        let [right, left, far_right, far_left] =
+            [(-0.5), 0.5, -0.375, 0.375].map(|t| (64.0 * (1.0 + t)) as i64);
+        let whole = [panel(0, 1), panel(1, 2), panel(2, 3), panel(3, 0)].concat();
+        // From the left to the right of the near panel its front is seen, the other three show their backs.
+        let near = vec![right, left];
+        assert_eq!(runs(&whole[..2], false), core::slice::from_ref(&near), "the near panel");
+        assert_eq!(runs(&whole[4..6], false), Vec::<Vec<i64>>::new(), "the back of the far panel");
+        let back = vec![right, far_right, far_right, far_left, far_left, left];
+        for start in 0..4 {
+            let mut turned = whole.clone();
+            turned.rotate_left(2 * start);
+            assert_eq!(runs(&turned, false), core::slice::from_ref(&near), "a ring from panel {start}");
+            let mut both = runs(&turned, true);
+            both.sort();
+            let mut expected = [near.clone(), back.clone()];
+            expected.sort();
+            assert_eq!(both, expected, "a ring from panel {start}, two-sided");
+        }
+        // Two panels that meet in the picture, and not in depth; and two that do not meet at all.
+        let apart = [post(4.0, 2.0), post(4.0, 0.0), post(8.0, 0.0), post(8.0, -4.0)];
+        let middle = 64;
+        assert_eq!(runs(&apart, false).len(), 2, "panels that meet in the picture alone");
+        let beside = [post(4.0, 2.0), post(4.0, 0.5), post(4.0, -0.5), post(4.0, -2.0)];
+        assert_eq!(runs(&beside, false).len(), 2, "panels beside each other");
+        let one = [post(4.0, 2.0), post(4.0, 0.0), post(4.0, 0.0), post(4.0, -2.0)];
+        assert_eq!(runs(&one, false), [vec![right, middle, middle, left]], "panels that follow each other");
+    }
+
+    /// An edge so steep that its slope is lost in the errors is as low and as far as the lesser of its ends.
+    #[test]
+    fn steep_edges_are_level_at_the_lesser_end() {
+        let corner = |column, height, inverse_depth| Corner { column, height, inverse_depth };
+        let error = CornerError { column: 0.25, height: 0.0, inverse_depth: 0.0 };
+        let (high, low) = (corner(3.0, 2.0, 1.0), corner(3.5, 1.0, 0.5));
+        for (from, to) in [(high, low), (corner(3.5, 2.0, 1.0), corner(3.5, 1.0, 0.5)), (low, high)] {
+            for column in [3.0, 3.5] {
+                assert_eq!(Edge::new(from, to, &error, 1.0).at(column), (0.5, 1.0), "{from:?} to {to:?}");
+                assert_eq!(Edge::new(from, to, &error, -1.0).at(column), (0.5, -2.0), "{from:?} to {to:?}");
+            }
+        }
+        // Ends in no column at all.
+        let [from, to] = [2.0, 1.0].map(|height| corner(f64::INFINITY, height, 1.0));
+        assert_eq!(Edge::new(from, to, &error, 1.0).slope, 0.0, "an edge of no width");
+        let wide = Edge::new(corner(3.0, 2.0, 1.0), corner(7.0, 1.0, 0.5), &error, 1.0);
+        assert_eq!(wide.slope, -0.25, "an edge of four columns");
     }
 }

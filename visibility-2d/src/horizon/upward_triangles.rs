@@ -216,3 +216,158 @@ pub(super) fn largest(triangles: &[Triangle], borders: &Borders) -> Vec<Vec<u32>
         .map(|(_, group)| group.iter().map(|&(_, i)| i).collect())
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_core::glam::{Mat3, Quat};
+    use visibility_core::{Object, OccluderMesh};
+    use visibility_testing::Random;
+
+    /// A scene of one mesh.
+    fn scene(triangles: &[[Vec3; 3]], two_sided: bool, transform: Affine3A) -> Scene {
+        let mut scene = Scene::new();
+        let mesh = OccluderMesh::from_triangles(triangles).unwrap().with_two_sided(two_sided);
+        let bounds = Aabb::new(Vec3::splat(-1e37), Vec3::splat(1e37));
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        let mesh = scene.add_mesh(mesh);
+        scene.set_mesh(id, mesh, transform).unwrap();
+        scene
+    }
+
+    /// Triangles that face up are found; those that face down only if they are two-sided, and then turned;
+    /// upright ones never.
+    #[test]
+    fn triangles_are_found_if_a_side_that_hides_faces_up() {
+        let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let upright = [a, b, Vec3::Z];
+        let mirror = Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
+        let down = Affine3A::from_quat(Quat::from_rotation_x(core::f32::consts::PI));
+        let found = |triangle, two_sided, transform| {
+            let triangles = triangles_that_face_up(&scene(&[triangle], two_sided, transform), UpAxis::Z).1;
+            triangles.iter().for_each(|t| {
+                let [a, b, c] = t.corners.map(|p| [p[0], p[1]]);
+                assert!(orient(a, b, c) > 0.0, "{t:?} is counter-clockwise");
+            });
+            triangles.len()
+        };
+        for (name, triangle, transform, expected) in [
+            ("up", [a, b, c], Affine3A::IDENTITY, [1, 1]),
+            ("down", [a, c, b], Affine3A::IDENTITY, [0, 1]),
+            ("up, turned over", [a, b, c], down, [0, 1]),
+            ("down, turned over", [a, c, b], down, [1, 1]),
+            ("mirrored", [a, b, c], mirror, [0, 1]),
+            ("upright", upright, Affine3A::IDENTITY, [0, 0]),
+            ("flattened", [a, b, c], Affine3A::from_scale(Vec3::new(1.0, 1.0, 0.0)), [0, 1]),
+        ] {
+            let counts = [false, true].map(|two_sided| found(triangle, two_sided, transform));
+            assert_eq!(counts, expected, "{name}, one-sided and two-sided");
+        }
+        // Coordinates below those that the predicates decide.
+        for (scale, expected) in [(1e-15, 1), (1e-25, 0)] {
+            let tiny = Affine3A::from_scale(Vec3::splat(scale));
+            assert_eq!(found([a, b, c].map(|p| p * 1e-20), true, tiny), expected, "scaled by {scale}");
+        }
+    }
+
+    /// Positions are exact, or within the error of their triangle, and within the bounds of their object.
+    #[test]
+    fn corners_are_within_the_error_and_the_bounds() {
+        let mut random = Random(1);
+        let (mut exact, mut rounded) = (0, 0);
+        for trial in 0..3_000 {
+            let columns = [0; 3].map(|_| random.vec3(-2.0, 2.0));
+            let far = [1e-3, 1e5][trial % 2];
+            let matrix = if trial % 3 == 0 {
+                Mat3::IDENTITY
+            } else {
+                Mat3::from_cols_array_2d(&columns.map(Into::into))
+            };
+            let columns = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
+            let transform = Affine3A::from_mat3_translation(matrix, random.vec3(-far, far));
+            let points = [0; 3].map(|_| random.vec3(-9.0, 9.0));
+            let (objects, triangles) = triangles_that_face_up(&scene(&[points], true, transform), UpAxis::Z);
+            let Some(t) = triangles.first() else { continue };
+            for p in points {
+                let at = [0, 1, 2].map(|k| {
+                    let [x, y, z] =
+                        [0, 1, 2].map(|i| DoubleDouble::product(columns[i][k].into(), p[i].into()));
+                    x.plus(y).plus(z).plus(f64::from(transform.translation[k]).into())
+                });
+                let off = |corner: &[f64; 3]| {
+                    let off = [0, 1, 2].map(|k| at[k].plus((-corner[k]).into()).hi);
+                    off.iter().map(|x| x * x).sum::<f64>().sqrt()
+                };
+                let least = t.corners.iter().map(off).fold(f64::INFINITY, f64::min);
+                assert!(least <= t.error, "trial {trial}: off by {least}, not {}", t.error);
+                (exact, rounded) = (exact + usize::from(t.error == 0.0), rounded + usize::from(least > 0.0));
+                let bounds = objects[0].bounds;
+                for (k, at) in at.iter().enumerate() {
+                    let [min, max] =
+                        [bounds.min[k], bounds.max[k]].map(|x| at.plus((-f64::from(x)).into()).hi);
+                    assert!(min >= 0.0 && max <= 0.0, "trial {trial}: {p} in {bounds:?}");
+                }
+            }
+        }
+        assert!(exact > 500 && rounded > 1_000, "{exact} exact corners, {rounded} rounded ones");
+    }
+
+    /// A sum that rounds is not exact, whichever of its terms it loses.
+    #[test]
+    fn positions_are_exact_if_no_sum_rounds() {
+        let at =
+            |scale: f32, by: f32| Affine3A::from_mat3_translation(Mat3::IDENTITY * scale, Vec3::splat(by));
+        let p = Vec3::new(1.0, 2.0, 3.0);
+        assert_eq!(placed_exactly(p, &Affine3A::IDENTITY), Some(p.as_dvec3()), "the identity");
+        assert_eq!(placed_exactly(p, &at(2.0, 8.0)), Some(DVec3::new(10.0, 12.0, 14.0)), "whole numbers");
+        assert_eq!(placed_exactly(p, &at(1e-20, 1.0)), None, "tiny numbers are lost");
+        assert_eq!(placed_exactly(p, &at(f32::INFINITY, 1.0)), None, "an infinite scale");
+        assert_eq!(placed_exactly(Vec3::new(f32::NAN, 0.0, 0.0), &at(2.0, 8.0)), None, "no number");
+    }
+
+    /// Triangles join at a side that exactly two of them have, in opposite directions.
+    #[test]
+    fn triangles_join_at_sides_that_two_of_them_have() {
+        let triangle =
+            |vertices: [u32; 3]| Triangle { corners: [[0.0; 3]; 3], vertices, error: 0.0, object: 0 };
+        let joined = |all: &[[u32; 3]]| {
+            let triangles: Vec<Triangle> = all.iter().map(|&vertices| triangle(vertices)).collect();
+            let borders = join(&triangles);
+            (borders.pairs, borders.sides)
+        };
+        let open = [true; 3];
+        assert_eq!(
+            joined(&[[0, 1, 2], [2, 1, 3]]),
+            (vec![[0, 1]], vec![[true, false, true], [false, true, true]]),
+            "two"
+        );
+        assert_eq!(joined(&[[0, 1, 2], [1, 2, 3]]), (vec![], vec![open; 2]), "two in one direction");
+        let three = [[0, 1, 2], [2, 1, 3], [2, 1, 4]];
+        assert_eq!(joined(&three), (vec![], vec![open; 3]), "three at one side");
+        assert_eq!(joined(&[[0, 1, 2], [3, 4, 5]]), (vec![], vec![open; 2]), "two apart");
+    }
+
+    /// The largest sheets are those of joined triangles with the greatest areas, if these are not small.
+    #[test]
+    fn the_largest_sheets_come_first_and_small_ones_are_left_out() {
+        let square = |x: f64, side: f64, first: u32| {
+            let at = |u: f64, v: f64| [x + u * side, v * side, 0.0];
+            let corners =
+                [[at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0)], [at(0.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)]];
+            let vertices = [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|v: u32| v + first));
+            [0, 1].map(|i| Triangle { corners: corners[i], vertices: vertices[i], error: 0.0, object: 0 })
+        };
+        let sheets = |sides: &[f64]| {
+            let squares =
+                sides.iter().enumerate().map(|(i, &side)| square(20.0 * i as f64, side, 4 * i as u32));
+            let triangles: Vec<Triangle> = squares.flatten().collect();
+            largest(&triangles, &join(&triangles))
+        };
+        assert_eq!(sheets(&[8.0, 10.0]), [vec![2, 3], vec![0, 1]], "the greater one first");
+        // The rectangle around all is 30 by 10 metres.
+        assert_eq!(sheets(&[1.5, 10.0]), [vec![2, 3]], "a small one of 2.25 square metres");
+        assert_eq!(sheets(&[2.3, 10.0]).len(), 2, "one of more than a 64th");
+        assert_eq!(sheets(&[9.0; 6]).len(), 4, "at most four");
+    }
+}

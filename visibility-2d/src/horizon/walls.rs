@@ -195,3 +195,114 @@ fn chains(panels: &[Panel]) -> Vec<Vec<usize>> {
     }
     chains
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec;
+    use visibility_core::glam::Mat3;
+    use visibility_core::scene::Triangle;
+
+    #[test]
+    fn transforms_that_keep_lines_upright_mirror_the_plan_or_not() {
+        let of = |x: [f32; 3], y: [f32; 3], z: [f32; 3]| {
+            let transform = Affine3A::from_mat3(Mat3::from_cols(x.into(), y.into(), z.into()));
+            is_mirrored_on_plan(&transform, UpAxis::Z)
+        };
+        let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        assert_eq!(of(x, y, z), Some(false), "the identity");
+        assert_eq!(of(y, x, z), Some(true), "x and y exchanged");
+        assert_eq!(of([0.0, 2.0, 1.0], [-3.0, 0.0, 1.0], [0.0, 0.0, -1.0]), Some(false), "turned, z down");
+        assert_eq!(of(x, y, [1e-30, 0.0, 1.0]), None, "leaning along x");
+        assert_eq!(of(x, y, [0.0, 1e-30, 1.0]), None, "leaning along y");
+        assert_eq!(of([1.0, 2.0, 0.0], [2.0, 4.0, 1.0], z), None, "a plan of a line");
+        let y_up = is_mirrored_on_plan(&Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0)), UpAxis::Y);
+        assert_eq!(y_up, Some(true), "mirrored, y up");
+    }
+
+    /// Panels of a mesh: the points of the plan of their sides, and the least and greatest heights there.
+    fn found(triangles: &[Triangle]) -> Vec<[([f32; 2], f32, f32); 2]> {
+        let mesh = OccluderMesh::from_triangles(triangles).unwrap();
+        let all: Vec<u32> = (0..mesh.triangles().len() as u32).collect();
+        let side = |side: Side| (side.at, side.low, side.high);
+        panels(&mesh, &all, UpAxis::Z).into_iter().map(|panel| panel.sides.map(side)).collect()
+    }
+
+    /// Two triangles are a panel if two pairs of their corners stand over each other. Its front is to the
+    /// right on the way from its first side to its second.
+    #[test]
+    fn panels_are_upright_trapezoids() {
+        let [a, b] = [Vec3::ZERO, Vec3::new(2.0, 1.0, 0.5)];
+        let (c, d) = (b + Vec3::Z * 3.0, a + Vec3::Z * 2.0);
+        let (left, right) = (([0.0, 0.0], 0.0, 2.0), ([2.0, 1.0], 0.5, 3.5));
+        assert_eq!(found(&[[a, b, c], [a, c, d]]), [[left, right]], "a front to the right");
+        assert_eq!(found(&[[b, d, a], [b, c, d]]), [[left, right]], "the other diagonal");
+        assert_eq!(found(&[[a, c, b], [a, d, c]]), [[right, left]], "a front to the left");
+        assert_eq!(found(&[[b, a, d], [b, d, c]]), [[right, left]], "the same with the other diagonal");
+        for axis in [Vec3::X, Vec3::Y] {
+            for by in [0.25, -0.25] {
+                for (b, d) in [(b + axis * by, d), (b, d + axis * by)] {
+                    for mesh in [[[a, b, c], [a, c, d]], [[b, d, a], [b, c, d]]] {
+                        assert!(found(&mesh).is_empty(), "one side leans, {axis} {by}");
+                    }
+                }
+            }
+        }
+        assert!(found(&[[a, b, d], [b, a, c]]).is_empty(), "triangles that are folded onto each other");
+        assert!(found(&[[a, b, c]]).is_empty(), "one triangle");
+        // A wide level triangle with the height of the panel at its greatest.
+        let tall =
+            |height: f32| [Vec3::new(9.0, 9.0, 0.0), Vec3::new(9.0, 8.0, 0.0), Vec3::new(9.0, 9.0, height)];
+        assert_eq!(found(&[[a, b, c], [a, c, d], tall(11.9)]).len(), 1, "more than a quarter of the height");
+        assert_eq!(found(&[[a, b, c], [a, c, d], tall(12.1)]).len(), 0, "less than a quarter of the height");
+    }
+
+    fn panel(from: [f32; 2], to: [f32; 2], [low, high]: [f32; 2]) -> Panel {
+        Panel { sides: [from, to].map(|at| Side { at, low, high }) }
+    }
+
+    /// Panels follow each other if one begins where the other ends, at a common height.
+    #[test]
+    fn chains_are_panels_that_follow_each_other_at_common_heights() {
+        let [p, q, r, s] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let all = [0.0, 3.0];
+        let row = [panel(q, r, all), panel(p, q, all), panel(r, s, all)];
+        assert_eq!(chains(&row), [vec![1, 0, 2]], "a row of three");
+        let ring = [panel(p, q, all), panel(q, r, all), panel(r, s, all), panel(s, p, all)];
+        assert_eq!(chains(&ring), [vec![0, 1, 2, 3]], "a ring");
+        for (heights, expected) in [([2.0, 4.0], 1), ([3.0, 4.0], 2), ([3.5, 4.0], 2), ([-1.0, 0.0], 2)] {
+            let two = [panel(p, q, all), panel(q, r, heights)];
+            assert_eq!(chains(&two).len(), expected, "chains of heights {all:?} and {heights:?}");
+        }
+        assert_eq!(chains(&[panel(p, q, all), panel(s, r, all)]).len(), 2, "panels apart");
+        assert_eq!(chains(&[panel(p, q, all), panel(r, q, all)]).len(), 2, "panels that end at one point");
+        // Of several that begin at one point, the one with the greatest common height follows.
+        let several = [panel(p, q, all), panel(q, r, [2.0, 3.0]), panel(q, s, [1.0, 4.0])];
+        assert_eq!(chains(&several)[0], [0, 2], "the greater common height");
+        let long: Vec<Panel> = (0..70).map(|i| panel([i as f32, 0.0], [i as f32 + 1.0, 0.0], all)).collect();
+        let lengths: Vec<usize> = chains(&long).iter().map(Vec::len).collect();
+        assert_eq!(lengths, [64, 6], "a long row is cut");
+    }
+
+    /// The posts of a wall: in order, or in reverse under a transform that mirrors the plan.
+    #[test]
+    fn walls_are_reversed_in_a_mirror() {
+        let [a, b] = [Vec3::ZERO, Vec3::X * 2.0];
+        let (c, d) = (b + Vec3::Z * 3.0, a + Vec3::Z * 3.0);
+        let mesh = OccluderMesh::from_triangles(&[[a, b, c], [a, c, d]]).unwrap();
+        for (scale, x) in [([1.0, 1.0, 1.0], [0.0, 2.0]), ([-1.0, 1.0, -1.0], [-2.0, 0.0])] {
+            let mut solids = Solids::default();
+            let far = Vec3::new(1e5, 0.1, 0.0);
+            let transform = Affine3A::from_scale_rotation_translation(scale.into(), Default::default(), far);
+            solids.add_walls(&mesh, &[0, 1], &transform, UpAxis::Z);
+            let posts: Vec<f64> = solids.posts.iter().map(|post| post.x - 1e5).collect();
+            assert_eq!(posts, x, "posts under a scale of {scale:?}");
+            let z = f64::from(scale[2]) * 3.0;
+            for post in &solids.posts {
+                assert_eq!([post.low, post.high], [z.min(0.0), z.max(0.0)], "heights under {scale:?}");
+            }
+            let [solid] = solids.solids[..] else { panic!("{} walls", solids.solids.len()) };
+            assert!(solid.error >= 1e5 * f64::EPSILON, "the error of a wall far away: {}", solid.error);
+        }
+    }
+}

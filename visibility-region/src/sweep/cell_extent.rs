@@ -41,13 +41,14 @@ impl CellExtent {
             let error = 8.0 * f64::EPSILON * (origin.abs().element_sum() + plane.offset.abs());
             (Plane::new(plane.normal, offset), error)
         };
+        // A plane whose offset or error is not finite has a margin in `least` that is not finite either, and
+        // so a bound of minus infinity or NaN, which bounds nothing.
         let planes = cell.planes.iter().filter_map(Plane::normalized).map(relative);
-        let usable = |(plane, error): &(Plane, f64)| plane.offset.is_finite() && error.is_finite();
         // With an origin of zero, the differences are exact. Otherwise they round by half an EPSILON of their
         // result.
         let error = DVec3::select(origin.cmpeq(DVec3::ZERO), DVec3::ZERO, min.abs().max(max.abs()));
         let error = error * f64::EPSILON;
-        Some(Self { min, max, error, planes: planes.filter(usable).collect() })
+        Some(Self { min, max, error, planes: planes.collect() })
     }
 
     /// Returns the ends, in metres, of the viewcell's box along a scene axis (0 to 2), rounded outwards.
@@ -185,6 +186,91 @@ mod tests {
                 // The rounding of three products and two sums is left to the caller.
                 let allowed = 4.0 * f64::EPSILON * local.abs().element_sum();
                 assert!(exact >= -allowed, "trial {trial}: {local} is {exact} above {least}, {normal}");
+            }
+        }
+    }
+
+    /// Planes through the origin, where neither offsets nor their errors are anything: their normals round.
+    /// The bound along a normal holds without what is left to the caller, since the box adds nothing to it.
+    /// The viewcell begins or ends at the origin along each axis.
+    #[test]
+    fn bounds_by_planes_hold_for_points_far_along_them() {
+        let mut random = visibility_testing::Random(3);
+        let mut bounded = 0;
+        for trial in 0..20_000 {
+            let mut integers = |size: f64| random.vector(size).round();
+            // The points `u` and `v` are in the plane, and so is their sum.
+            let (u, v) = (integers(1e3), integers(1e3));
+            let (normal, point) = (u.cross(v), (u + v) * 1e6);
+            if normal == DVec3::ZERO {
+                continue;
+            }
+            let zero = DVec3::ZERO;
+            let mut cell = Viewcell::from_box(point.min(zero), point.max(zero));
+            cell.planes = vec![Plane::new(normal, 0.0)];
+            let extent = CellExtent::new(&cell, zero).unwrap();
+            let axis = normal.normalize();
+            let least = extent.least(axis);
+            // The bound by the plane, not by the box.
+            if least < -1e-3 {
+                continue;
+            }
+            bounded += 1;
+            let [x, y, z] = [0, 1, 2].map(|k| DoubleDouble::product(axis[k], point[k]));
+            let exact = x.plus(y).plus(z).plus(DoubleDouble::from(-least)).hi;
+            assert!(exact >= 0.0, "trial {trial}: {point} is {exact} above {least}, {normal}");
+        }
+        assert!(bounded > 10_000, "{bounded} bounds by planes");
+    }
+
+    #[test]
+    fn boxes_that_are_inverted_or_not_finite_have_no_extent() {
+        let (min, max) = (DVec3::ZERO, DVec3::ONE);
+        let extent = |min, max| CellExtent::new(&Viewcell::from_box(min, max), DVec3::ZERO);
+        assert!(extent(min, max).is_some() && extent(min, min).is_some(), "a box, and a point");
+        for axis in DVec3::AXES {
+            assert!(extent(max, max - 2.0 * axis).is_none(), "inverted along {axis}");
+            for infinite in [axis * f64::INFINITY, axis * f64::NAN] {
+                let infinite = DVec3::select(axis.cmpeq(DVec3::ONE), infinite, DVec3::ZERO);
+                assert!(extent(min - infinite, max).is_none(), "from {infinite}");
+                assert!(extent(min, max + infinite).is_none(), "to {infinite}");
+            }
+        }
+    }
+
+    /// A plane whose offset overflows leaves the box as it is.
+    #[test]
+    fn planes_that_overflow_bound_nothing() {
+        let far = 1.7e308;
+        for (offset, origin) in [(far, far), (-far, -far), (far, -far), (-far, far), (f64::MAX, 0.0)] {
+            let origin = DVec3::new(origin, 0.0, 0.0);
+            let mut cell = Viewcell::from_box(origin, origin);
+            let plain = CellExtent::new(&cell, origin).unwrap();
+            cell.planes = vec![Plane::new(DVec3::X, offset), Plane::new(DVec3::NEG_X, offset)];
+            let extent = CellExtent::new(&cell, origin).unwrap();
+            assert_eq!(extent.along(DVec3::AXES), plain.along(DVec3::AXES), "{offset} from {origin}");
+        }
+    }
+
+    /// Ends of a viewcell, rounded outwards, hold the exact ones, where the difference to the origin is a
+    /// tie between two numbers.
+    #[test]
+    fn ends_hold_the_exact_ends() {
+        let tie = f64::EPSILON / 2.0;
+        let off = [-3.0 * tie, -tie, -tie / 2.0, tie / 2.0, tie, 3.0 * tie];
+        for (end, by) in [-3.0, -1.0, 1.0, 3.0].into_iter().flat_map(|end| off.map(|by| (end, by))) {
+            for other in [0.0, 1.0] {
+                let origin = DVec3::splat(-by);
+                let (low, high) = (f64::min(end, other), f64::max(end, other));
+                let cell = Viewcell::from_box(DVec3::splat(low), DVec3::splat(high));
+                let extent = CellExtent::new(&cell, origin).unwrap();
+                for axis in 0..3 {
+                    let [least, most] = extent.ends(axis);
+                    let beyond =
+                        |a: f64, end: f64| DoubleDouble::from(a).plus((-end).into()).plus((-by).into()).hi;
+                    assert!(beyond(least, low) <= 0.0, "{least} for {low} + {by}");
+                    assert!(beyond(most, high) >= 0.0, "{most} for {high} + {by}");
+                }
             }
         }
     }

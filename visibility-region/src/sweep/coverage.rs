@@ -144,3 +144,159 @@ fn sweep_edge(contour: &mut PixelBlock, target: &Target<'_>, a: DVec3, b: DVec3,
     draw_hull(contour, &p, &q, rect);
     true
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec::Vec;
+    use visibility_testing::Random;
+
+    /// Depth of the cut, and of the plane.
+    const NEAR: i128 = 16;
+    const D: i128 = 64;
+    /// Half of the viewcell, a rectangle without depth.
+    const HALF: [i128; 2] = [1, 2];
+    /// Units of the oracle in a metre, which is a pixel. The slack is two of them.
+    const UNITS: i128 = 2048;
+
+    fn direction() -> Direction {
+        let half = HALF.map(|half| half as f64);
+        let rows = [DVec3::X, DVec3::Y, DVec3::Z];
+        Direction { rows, offset: [0.0; 3], half, exact: [None; 2], depth: 0.0, error: 0.0 }
+    }
+
+    type Point = [i128; 3];
+
+    fn minus(a: Point, b: Point) -> Point {
+        [0, 1, 2].map(|k| a[k] - b[k])
+    }
+
+    fn cross(a: Point, b: Point) -> Point {
+        [0, 1, 2].map(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
+    }
+
+    fn dot(a: Point, b: Point) -> i128 {
+        (0..3).map(|k| a[k] * b[k]).sum()
+    }
+
+    /// Returns whether all rays from the viewcell through a pixel, enlarged by `grow` units on each side,
+    /// pass through the inside of a convex polygon of one plane, at depths from [`NEAR`] to [`D`]. For one
+    /// viewpoint, the points on the plane with such rays are a convex set, and for one point the viewpoints
+    /// are: it is enough to ask the corners. `strictly`: not at one of the two depths.
+    fn is_behind(polygon: &[Point], [x, y]: [usize; 2], grow: i128, strictly: bool) -> bool {
+        let corners = || (0..4).map(|corner| [corner & 1, corner >> 1]);
+        let polygon: Vec<Point> = polygon.iter().map(|p| p.map(|x| x * UNITS)).collect();
+        let n = cross(minus(polygon[1], polygon[0]), minus(polygon[2], polygon[0]));
+        corners().flat_map(|eye| corners().map(move |at| (eye, at))).all(|(eye, at)| {
+            let [v, w] = [0, 1].map(|k| (2 * eye[k] - 1) * HALF[k] * UNITS);
+            let eye = [v, w, 0];
+            let side = |k: usize, pixel: usize| (pixel as i128 + at[k]) * UNITS + (2 * at[k] - 1) * grow;
+            let ray = minus([side(0, x), side(1, y), D * UNITS], eye);
+            let sides: Vec<i128> = (0..polygon.len())
+                .map(|i| {
+                    let (a, b) = (minus(polygon[i], eye), minus(polygon[(i + 1) % polygon.len()], eye));
+                    dot(cross(a, b), ray).signum()
+                })
+                .collect();
+            // The ray meets the plane of the polygon at `part / whole` of its way.
+            let (part, whole) = (dot(n, minus(polygon[0], eye)), dot(n, ray));
+            let (part, whole) = (part * whole.signum(), whole.abs());
+            let within = [part * D - whole * NEAR, whole - part];
+            sides[0] != 0
+                && sides.iter().all(|&side| side == sides[0])
+                && within.iter().all(|&by| by > 0 || by == 0 && !strictly)
+        })
+    }
+
+    /// Draws a convex polygon as a fan of triangles, whose common edges are no part of the contour. Returns
+    /// whether any pixel was added.
+    fn draw(map: &mut RayMap, maps: &mut PieceMaps, polygon: &[Point], rect: PixelRect) -> bool {
+        let window = Window::from_zero(D as f64, [[0.0, SIDE as f64]; 2]);
+        let target = Target { direction: &direction(), window: &window, near: NEAR as f64, rect };
+        let real: Vec<DVec3> = polygon.iter().map(|p| DVec3::from(p.map(|x| x as f64))).collect();
+        let triangles = (2..real.len()).map(|i| ([real[0], real[i - 1], real[i]], None));
+        let contour = (0..real.len()).map(|i| ([real[i], real[(i + 1) % real.len()]], None));
+        maps.draw(map, &target, triangles, contour)
+    }
+
+    /// Polygons that the near depth and the plane cut, or touch with a vertex or an edge, some of them along
+    /// an edge between two of their triangles.
+    #[test]
+    fn pixels_of_polygons_are_those_that_all_rays_show_behind_them() {
+        let mut random = Random(1);
+        let mut maps = PieceMaps::new();
+        let rect = PixelRect { x: [1, 18], y: [2, 17] };
+        let (mut covered, mut cut, mut touched, mut drawn) = (0, 0, 0, 0);
+        for trial in 0..20_000 {
+            // A plane on which many points have the depths of the cut and of the projection plane.
+            let slopes = [random.between(-4, 5), random.pick(&[0, 0, 1, -3])].map(i128::from);
+            let middle = random.pick(&[NEAR, 32, 48, D]);
+            let count = 3 + random.below(3);
+            let polygon: Vec<Point> = (0..count)
+                .map(|_| {
+                    let at = [random.below(8), random.below(8)].map(|x| 4 * x as i128 - 8);
+                    [at[0], at[1], middle + slopes[0] * (at[0] - 4) + slopes[1] * (at[1] - 4)]
+                })
+                .collect();
+            // Each vertex is to the left of each edge of the polygon that it is no end of.
+            let is_left = |i: usize, k: usize| {
+                let [a, b, c] = [i, (i + 1) % count, k].map(|i| polygon[i]);
+                k == i
+                    || k == (i + 1) % count
+                    || (b[0] - a[0]) * (c[1] - a[1]) > (b[1] - a[1]) * (c[0] - a[0])
+            };
+            let is_convex = (0..count).all(|i| (0..count).all(|k| is_left(i, k)));
+            let n = cross(minus(polygon[1], polygon[0]), minus(polygon[2], polygon[0]));
+            let faces = [-1, 1].into_iter().flat_map(|x| [-1, 1].map(|y| [x * HALF[0], y * HALF[1], 0]));
+            let mut faces = faces.map(|eye| dot(n, minus(polygon[0], eye)).signum());
+            let is_deep = polygon.iter().all(|p| p[2] > 4);
+            let first = faces.next().unwrap();
+            if !is_convex || !is_deep || first == 0 || faces.any(|side| side != first) {
+                continue;
+            }
+            drawn += 1;
+            let is_at = |depth: i128| polygon.iter().any(|p| p[2] == depth);
+            cut += usize::from(polygon.iter().any(|p| p[2] < NEAR || p[2] > D));
+            touched += usize::from(is_at(NEAR) || is_at(D));
+            let mut map = RayMap::new();
+            let adds = draw(&mut map, &mut maps, &polygon, rect);
+            let mut any = false;
+            for (x, y) in (0..20).flat_map(|y| (0..20).map(move |x| (x, y))) {
+                let is_set = map.get(x, y);
+                any |= is_set;
+                let is_inside = (rect.x[0]..=rect.x[1]).contains(&x) && (rect.y[0]..=rect.y[1]).contains(&y);
+                let must = is_inside && is_behind(&polygon, [x, y], 4, true);
+                let may = is_inside && is_behind(&polygon, [x, y], 1, false);
+                assert!(is_set || !must, "trial {trial}: {x} {y} is not covered by {polygon:?}");
+                assert!(may || !is_set, "trial {trial}: {x} {y} is covered by {polygon:?}");
+                covered += usize::from(is_set);
+            }
+            assert_eq!(adds, any, "trial {trial}: whether {polygon:?} adds pixels");
+            assert!(
+                !draw(&mut map, &mut maps, &polygon, rect),
+                "trial {trial}: it adds none the second time"
+            );
+        }
+        assert!(drawn > 1_000 && covered > 15_000, "{covered} pixels of {drawn} polygons");
+        assert!(cut > 300 && touched > 300, "{cut} are cut, {touched} touch");
+    }
+
+    /// A triangle covers pixels, and another at its side reaches so far that the precision of positions there
+    /// is unknown: nothing is covered.
+    #[test]
+    fn a_contour_that_is_too_far_away_covers_nothing() {
+        let window = Window::from_zero(D as f64, [[0.0, SIDE as f64]; 2]);
+        let rect = PixelRect { x: [1, 18], y: [2, 17] };
+        let [a, b, c] = [[-90.0, -90.0, 40.0], [-90.0, 90.0, 40.0], [90.0, 0.0, 40.0]].map(DVec3::from);
+        let mut maps = PieceMaps::new();
+        for (far, is_covered) in [(1e2, true), (1e12, false)] {
+            let far = DVec3::new(-far, 0.0, 41.0);
+            let (mut map, direction) = (RayMap::new(), direction());
+            let target = Target { direction: &direction, window: &window, near: NEAR as f64, rect };
+            let triangles = [[a, b, c], [b, a, far]].map(|triangle| (triangle, None));
+            let contour = [[b, c], [c, a], [a, far], [far, b]].map(|edge| (edge, None));
+            let adds = maps.draw(&mut map, &target, triangles.into_iter(), contour.into_iter());
+            assert_eq!([adds, map.any_set()], [is_covered; 2], "a vertex at {far}");
+        }
+    }
+}

@@ -238,8 +238,14 @@ mod tests {
             let axes = [first, second, first.cross(second)];
             let far = [1.0, 1e6][trial % 2];
             let (middle, half) = (random.fine_vector(far), random.fine_vector(1.0).abs());
-            let cell = Viewcell::from_box(middle - half, middle + half);
-            let bounds = Aabb::new(Vec3::splat(-1e6), Vec3::splat(1e6));
+            // Sides at the origin have no magnitude of their own.
+            let cell = match trial % 3 {
+                0 => Viewcell::from_box(middle - half, middle + half),
+                1 => Viewcell::from_box(DVec3::ZERO, middle.abs()),
+                _ => Viewcell::from_box(-middle.abs(), DVec3::ZERO),
+            };
+            let side = [[-1e6f32, 1e6], [0.0, 1e6], [-1e6, 0.0]][trial / 3 % 3];
+            let bounds = Aabb::new(Vec3::splat(side[0]), Vec3::splat(side[1]));
             let extent = CellExtent::new(&cell, DVec3::ZERO).unwrap();
             let found = CellBox::new(&extent, &bounds, axes).unwrap();
             // The exact image of a point along an axis of the box, relative to the middle of the box.
@@ -253,9 +259,10 @@ mod tests {
                 let is_held = DVec3::from(at).abs().cmple(found.half).all();
                 assert!(is_held, "trial {trial}: a corner of the viewcell at {at:?}, {:?}", found.half);
             }
-            let point = random.vec3(-1e6, 1e6);
+            let point = random.vec3(side[0].into(), side[1].into());
             for index in 0..6 {
                 let direction = found.direction(index);
+                assert_eq!(direction.error, found.error, "the error of direction {index}");
                 let local = direction.local_box(&Aabb::new(point, point)).lo;
                 let order = [(index + 1) % 3, (index + 2) % 3, index % 3];
                 for (k, axis) in order.into_iter().enumerate() {
@@ -270,23 +277,27 @@ mod tests {
         }
     }
 
-    /// A direction of a viewcell of 2 by 2 by 1, whose coordinates are off by 0.01.
+    /// A direction of a viewcell of 2 by 2 by 1, whose coordinates are off by 1/64.
     fn direction() -> Direction {
         let rows = [DVec3::X, DVec3::Y, DVec3::Z];
-        Direction { rows, offset: [0.0; 3], half: [1.0; 2], exact: [None; 2], depth: 1.0, error: 0.01 }
+        Direction { rows, offset: [0.0; 3], half: [1.0; 2], exact: [None; 2], depth: 1.0, error: 1.0 / 64.0 }
     }
 
     #[test]
     fn a_viewcell_is_outside_of_boxes_farther_away_than_the_error() {
         let direction = direction();
         for axis in DVec3::AXES {
-            for (by, is_outside) in [(0.05, false), (0.09, false), (0.11, true)] {
+            for (by, is_outside) in [(0.0625, false), (0.1, false), (0.125, false), (0.15, true)] {
                 let middle = DVec3::new(0.0, 0.0, -0.5);
                 let half = DVec3::new(1.0, 1.0, 0.5);
                 for sign in [1.0, -1.0] {
                     let at = middle + axis * sign * (half.dot(axis) + by);
                     let b = LocalBox { lo: at, hi: at };
-                    assert_eq!(direction.is_outside(&b, 0.1), is_outside, "{by} beside along {axis}, {sign}");
+                    assert_eq!(
+                        direction.is_outside(&b, 0.125),
+                        is_outside,
+                        "{by} beside along {axis}, {sign}"
+                    );
                 }
             }
         }
@@ -299,7 +310,7 @@ mod tests {
         let other = LocalBox { lo: DVec3::new(-1.0, -1.0, 8.0), hi: DVec3::new(1.0, 1.0, 9.0) };
         for lat in 0..2 {
             for sign in [1.0, -1.0] {
-                for (by, is_between) in [(0.03, true), (0.07, true), (0.09, false)] {
+                for (by, is_between) in [(0.05, true), (0.1, true), (0.125, true), (0.15, false)] {
                     let mut at = DVec3::new(0.0, 0.0, 4.0);
                     at[lat] = sign * (1.0 + by);
                     let b = LocalBox { lo: at, hi: at };
@@ -315,5 +326,93 @@ mod tests {
                 "a box at {z}"
             );
         }
+    }
+
+    /// The position on the plane at depth `d` of the ray from a viewpoint at `v`, `w` behind the front, to a
+    /// point at `x` and depth `z`.
+    fn arrival([v, w]: [f64; 2], [x, z]: [f64; 2], d: f64) -> f64 {
+        (v * (z - d) + x * (d + w)) / (z + w)
+    }
+
+    /// Returns the least and the greatest of some numbers.
+    fn ends(of: impl Iterator<Item = f64>) -> [f64; 2] {
+        of.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+    }
+
+    /// Ranges of positions on a plane are those of the rays from the corners of the viewcell to corners of a
+    /// box: the outermost where a ray may be, the innermost where all viewpoints see the box.
+    #[test]
+    fn ranges_on_a_plane_are_those_of_the_outermost_rays() {
+        let mut random = Random(5);
+        let direction = Direction { half: [1.0, 0.25], ..direction() };
+        assert_eq!(direction.widest(), 1.0, "the greater half");
+        assert_eq!(Direction { half: [0.25, 1.0], ..direction }.widest(), 1.0, "the greater half");
+        let is_close =
+            |a: [f64; 2], b: [f64; 2]| (0..2).all(|i| (a[i] - b[i]).abs() <= 1e-12 * (1.0 + b[i].abs()));
+        for trial in 0..10_000 {
+            let d = random.range(0.5, 9.0);
+            let (p, q) = (random.vector(8.0), random.vector(8.0));
+            let (lo, hi) = (p.min(q), p.max(q));
+            for lat in 0..2 {
+                let (h, sides) = (direction.half[lat], [lo[lat], hi[lat]]);
+                let eyes = [[-h, 0.0], [h, 0.0], [-h, direction.depth], [h, direction.depth]];
+                // A point in front of the plane.
+                let (x, z) = (lo[lat], random.range(0.01, 1.0) * d);
+                let rays = ends(eyes.into_iter().map(|eye| arrival(eye, [x, z], d)));
+                let found = direction.spread(x, lat, direction.beyond(z, d));
+                assert!(is_close(found, rays), "trial {trial}: {found:?}, rays to {x} at {z}: {rays:?}");
+                // A box behind the plane.
+                let depths = [random.range(1.0, 3.0), random.range(3.0, 9.0)].map(|by| by * d);
+                let rays = |eye, depths: [f64; 2]| {
+                    ends(sides.into_iter().flat_map(|x| depths.map(|z| arrival(eye, [x, z], d))))
+                };
+                let all = ends(eyes.into_iter().flat_map(|eye| rays(eye, depths)));
+                let b = LocalBox { lo: lo.with_z(depths[0]), hi: hi.with_z(depths[1]) };
+                let found = direction.occludee(d, &b)[lat];
+                assert!(is_close(found, all), "trial {trial}: {found:?}, rays to {b:?}: {all:?}");
+                // A box in front of the plane: what all viewpoints see covered lies within the projection
+                // from each of them.
+                let depths = [random.range(0.01, 0.3), random.range(0.3, 1.0)].map(|by| by * d);
+                let common = eyes.into_iter().map(|eye| rays(eye, depths));
+                let common = common.fold([f64::NEG_INFINITY, f64::INFINITY], |[low, high], seen| {
+                    [low.max(seen[0]), high.min(seen[1])]
+                });
+                let b = LocalBox { lo: lo.with_z(depths[0]), hi: hi.with_z(depths[1]) };
+                let found = direction.common_view(d, &b, depths, lat);
+                assert!(is_close(found, common), "trial {trial}: {found:?} of {b:?}, {common:?}");
+            }
+        }
+    }
+
+    /// Points that a segment from the viewcell to a box meets are between, however the box lies beside the
+    /// viewcell.
+    #[test]
+    fn what_segments_meet_is_between() {
+        let mut random = Random(6);
+        let (direction, mut counts) = (direction(), [0; 2]);
+        for trial in 0..20_000 {
+            let (p, q) = (random.vector(12.0), random.vector(12.0));
+            let other = LocalBox { lo: p.min(q).with_z(8.0), hi: p.max(q).with_z(random.range(8.0, 20.0)) };
+            let eye = DVec3::new(random.range(-1.0, 1.0), random.range(-1.0, 1.0), random.range(-1.0, 0.0));
+            let part = DVec3::new(random.unit(), random.unit(), random.unit());
+            let target = other.lo + (other.hi - other.lo) * part;
+            let at = eye + (target - eye) * ((random.range(0.0, 8.0) - eye.z) / (target.z - eye.z));
+            let is_between = |at: DVec3| direction.is_between(&LocalBox { lo: at, hi: at }, &other);
+            // A post along the depth that holds the point.
+            let long = LocalBox { lo: at.with_z(random.range(-1.0, at.z)), hi: at.with_z(9.0) };
+            assert!(direction.is_between(&long, &other), "trial {trial}: {long:?} holds {at}, {other:?}");
+            assert!(is_between(at), "trial {trial}: {at} on the way from {eye} to {target}");
+            counts[usize::from(is_between(random.vector(12.0).with_z(4.0)))] += 1;
+        }
+        assert!(counts.iter().all(|&count| count > 1_000), "beside and between: {counts:?}");
+    }
+
+    #[test]
+    fn a_box_tells_its_error() {
+        let cell = Viewcell::from_box(-DVec3::ONE, DVec3::ONE);
+        let extent = CellExtent::new(&cell, DVec3::ZERO).unwrap();
+        let bounds = Aabb::new(Vec3::splat(-9.0), Vec3::splat(9.0));
+        let found = CellBox::new(&extent, &bounds, DVec3::AXES).unwrap();
+        assert_eq!(CellBox { error: 0.5, ..found }.error(), 0.5, "the error of the box");
     }
 }

@@ -189,3 +189,132 @@ pub(crate) fn mark(scene: &Scene, child: Child, bits: &mut Bits) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::DVec3;
+
+    /// A direction of a viewcell of 2 by 6 by 1 metres, whose coordinates are off by 1/64: its guard is 1/8.
+    fn direction() -> Direction {
+        let rows = [DVec3::X, DVec3::Y, DVec3::Z];
+        let (half, error) = ([1.0, 3.0], 1.0 / 64.0);
+        Direction { rows, offset: [0.0; 3], half, exact: [None; 2], depth: 1.0, error }
+    }
+
+    fn aabb(min: [f32; 3], max: [f32; 3]) -> Aabb {
+        Aabb::from_arrays(min, max)
+    }
+
+    /// Boxes at the limits of what a sweep can test: within the usable bounds, beyond the front of the
+    /// viewcell by more than the guard, not too far to the side, and not too near for the viewcell's width.
+    #[test]
+    fn boxes_are_occludees_up_to_the_limits_of_slopes_and_distances() {
+        let (direction, usable) = (direction(), aabb([-50.0; 3], [50.0; 3]));
+        let is_usable = |min, max, steepest| {
+            let bounds = aabb(min, max);
+            is_usable(&usable, &direction, &direction.local_box(&bounds), &bounds, steepest)
+        };
+        let near = |z: f32| is_usable([0.0, 0.0, z], [1.0, 1.0, 9.0], 64.0);
+        assert_eq!(
+            [0.0, 0.125, 0.14].map(near),
+            [false, false, false],
+            "before the guard, and nearer than 6 / 40"
+        );
+        assert_eq!(
+            [0.149, 0.15, 0.16].map(near),
+            [false, true, true],
+            "a fortieth of the greater width away"
+        );
+        let narrow = Direction { half: [1.0, 1.0], ..direction };
+        let after = |z: f32| {
+            let bounds = aabb([0.0, 0.0, z], [1.0, 1.0, 9.0]);
+            super::is_usable(&usable, &narrow, &narrow.local_box(&bounds), &bounds, 64.0)
+        };
+        assert_eq!([0.1, 0.125, 0.126].map(after), [false, false, true], "beyond the guard");
+        // At a depth of 2 m, slopes up to 4 lead 8 m beside the viewcell.
+        for (lat, half) in [(0, 1.0), (1, 3.0)] {
+            for sign in [1.0, -1.0] {
+                for (beside, expected) in [(7.9, true), (8.0, true), (8.1, false)] {
+                    let mut ends = [0.0, sign * (half + beside)];
+                    ends.sort_by(f32::total_cmp);
+                    let (mut min, mut max) = ([0.0, 0.0, 2.0], [1.0, 1.0, 3.0]);
+                    (min[lat], max[lat]) = (ends[0], ends[1]);
+                    assert_eq!(is_usable(min, max, 4.0), expected, "{beside} m beside along {lat}, {sign}");
+                }
+            }
+        }
+        assert!(is_usable([0.0, 0.0, 2.0], [1.0, 1.0, 50.0], 4.0), "up to the usable bounds");
+        assert!(!is_usable([0.0, 0.0, 2.0], [1.0, 1.0, 50.1], 4.0), "out of the usable bounds");
+    }
+
+    /// Items that are cut to others: what both boxes have in common, in both coordinates.
+    #[test]
+    fn items_are_cut_to_what_both_have_in_common() {
+        let child = Child::Node(0);
+        let item = |min: [f32; 3], max: [f32; 3], by: f64| {
+            let scene_bounds = aabb(min, max);
+            let bounds = direction().local_box(&scene_bounds);
+            let bounds = LocalBox { lo: bounds.lo - by, hi: bounds.hi - by };
+            Item { child, bounds, scene_bounds }
+        };
+        let all = item([0.0; 3], [4.0; 3], 0.5);
+        let cut = item([-1.0, 1.0, 2.0], [3.0, 5.0, 4.0], 0.5).within(&all).unwrap();
+        assert_eq!(cut.scene_bounds, aabb([0.0, 1.0, 2.0], [3.0, 4.0, 4.0]), "in the scene");
+        assert_eq!(
+            [cut.bounds.lo, cut.bounds.hi],
+            [[-0.5, 0.5, 1.5], [2.5, 3.5, 3.5]].map(DVec3::from),
+            "along the direction"
+        );
+        assert!(item([4.0; 3], [5.0; 3], 0.5).within(&all).is_some(), "a corner is left");
+        assert!(item([4.5; 3], [5.0; 3], 0.5).within(&all).is_none(), "nothing is left");
+        // Of boxes that differ in one of the two coordinates alone.
+        assert!(item([1.0; 3], [2.0; 3], 9.0).within(&all).is_none(), "nothing along the direction");
+        let elsewhere = Item { scene_bounds: aabb([8.0; 3], [9.0; 3]), ..all };
+        assert!(elsewhere.within(&all).is_none(), "nothing in the scene");
+    }
+
+    /// Objects asked one by one are in the direction along which they are farthest; those asked beside a
+    /// direction are in it, unless it is the farthest.
+    #[test]
+    fn objects_are_asked_in_their_farthest_direction_or_beside_it() {
+        use crate::sweep::cell_extent::CellExtent;
+        use crate::sweep::direction::CellBox;
+        use visibility_core::pvs::Viewcell;
+        let mut scene = Scene::new();
+        let boxes = [
+            aabb([9.0, 0.0, 3.0], [10.0, 1.0, 4.0]),
+            aabb([1.0, 0.0, 9.0], [2.0, 1.0, 10.0]),
+            aabb([1.0, 0.0, -9.0], [2.0, 1.0, -8.0]),
+            aabb([0.0, 0.0, 3.0], [500.0, 1.0, 4.0]),
+        ];
+        let ids = boxes.map(|bounds| scene.insert(bounds));
+        let usable = aabb([-100.0; 3], [100.0; 3]);
+        let cell = Viewcell::from_box(DVec3::splat(-1.0), DVec3::splat(1.0));
+        let extent = CellExtent::new(&cell, DVec3::ZERO).unwrap();
+        let cell = CellBox::new(&extent, &usable, DVec3::AXES).unwrap();
+        let directions = core::array::from_fn(|index| cell.direction(index));
+        let up = directions.iter().position(|d| d.rows[2] == DVec3::Z).unwrap();
+        let listed = |asked: Asked<'_>| {
+            let mut lists: [Vec<Item>; 6] = Default::default();
+            assign(&scene, asked, &usable, &directions, &mut lists, &mut Vec::new());
+            lists.map(|list| {
+                let index = |item: &Item| boxes.iter().position(|b| *b == item.scene_bounds);
+                list.iter().filter_map(index).collect::<Vec<_>>()
+            })
+        };
+        let of = |axis: DVec3| directions.iter().position(|d| d.rows[2] == axis).unwrap();
+        let mut expected: [Vec<usize>; 6] = Default::default();
+        expected[up] = alloc::vec![1];
+        expected[of(DVec3::X)] = alloc::vec![0];
+        expected[of(DVec3::NEG_Z)] = alloc::vec![2];
+        assert_eq!(
+            listed(Asked::Objects(&ids)),
+            expected,
+            "one by one, the last is beyond the usable bounds"
+        );
+        let mut expected: [Vec<usize>; 6] = Default::default();
+        expected[up] = alloc::vec![0];
+        assert_eq!(listed(Asked::Beside(&ids, up)), expected, "upwards, except what is farthest there");
+    }
+}

@@ -5,6 +5,7 @@ use super::pieces::{Piece, Pieces};
 use super::ray_map::{PixelRect, SIDE};
 use super::surfaces::Surfaces;
 use super::window::Window;
+use visibility_core::geometry::keeps_orientation;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{ObjectId, OccluderMesh};
 
@@ -58,10 +59,11 @@ impl<'a> Occluder<'a> {
         // and the offset is added. With u = EPSILON / 2 this is less than 16 u of the magnitude. The error of
         // the offset is that of the direction.
         let error = 16.0 * f64::EPSILON * magnitude + direction.error;
-        let determinant = rows[0].cross(rows[1]).dot(rows[2]);
-        let size: f64 = rows.iter().map(|row| row.abs().element_sum()).product();
-        // Each of the six products of the determinant rounds by a few EPSILON of at most `size`.
-        if !(determinant.abs() > 32.0 * f64::EPSILON * size && error.is_finite()) {
+        // The transform itself is asked whether it mirrors: the rows have rounded, so the sign of their
+        // determinant is unknown where the mesh is flattened along one of them.
+        let [x, y, z] = direction.rows;
+        let mirrored = keeps_orientation(transform)? != (x.cross(y).dot(z) > 0.0);
+        if !error.is_finite() {
             return None;
         }
         let (mut lo, mut hi) = (offset, offset);
@@ -72,7 +74,7 @@ impl<'a> Occluder<'a> {
         }
         let bounds = LocalBox { lo, hi };
         let shape = Shape::Mesh(mesh);
-        Some(Self { shape, rows, offset, error, mirrored: determinant < 0.0, bounds })
+        Some(Self { shape, rows, offset, error, mirrored, bounds })
     }
 
     /// Makes the occluder of a piece, in local coordinates of a direction.
@@ -149,16 +151,21 @@ mod tests {
     #[test]
     fn vertices_are_within_their_error() {
         let mut random = Random(1);
-        let cube = Aabb::new(Vec3::splat(-1.0), Vec3::splat(1.0));
-        let mesh = OccluderMesh::cuboid(&cube).unwrap();
+        // Corners at the origin have no magnitude of their own.
+        let meshes = [[-1.0, 1.0], [0.0, 1.0], [-1.0, 0.0]]
+            .map(|[a, b]| OccluderMesh::cuboid(&Aabb::new(Vec3::splat(a), Vec3::splat(b))).unwrap());
         for trial in 0..4_000 {
+            let mesh = &meshes[trial % 3];
             let first = random.direction();
             let second = first.cross(random.direction()).normalize();
-            let direction = direction([first, second, first.cross(second)], random.vector(1e6));
+            // The error of the direction is added to that of the vertices.
+            let rows = [first, second, first.cross(second)];
+            let direction = Direction { error: 1.0, ..direction(rows, random.vector(1e6)) };
             let columns = [0; 3].map(|_| Vec3A::from(random.vec3(-1e3, 1e3)));
             let matrix3 = Mat3A::from_cols(columns[0], columns[1], columns[2]);
-            let transform = Affine3A { matrix3, translation: random.vec3(-1e6, 1e6).into() };
-            let Some(occluder) = Occluder::new(&direction, &mesh, &transform) else { continue };
+            let far = [1e6, 0.0][trial % 2];
+            let transform = Affine3A { matrix3, translation: random.vec3(-far, far).into() };
+            let Some(occluder) = Occluder::new(&direction, mesh, &transform) else { continue };
             for &vertex in mesh.positions() {
                 let local = occluder.local(vertex);
                 let in_scene = [0, 1, 2].map(|k| {
@@ -210,5 +217,148 @@ mod tests {
             }
         }
         assert!(counts.iter().all(|&count| count > 5_000), "refused and placed: {counts:?}");
+    }
+
+    /// A transform that flattens a mesh along an axis of the direction: rows and columns are orthogonal, so
+    /// that the determinant of their products is made of rounding alone. The third column is the sum of the
+    /// other two, exactly.
+    #[test]
+    fn flat_transforms_across_the_direction_have_no_occluder() {
+        let mut random = Random(3);
+        let cube = Aabb::new(Vec3::splat(-1.0), Vec3::splat(1.0));
+        let mesh = OccluderMesh::cuboid(&cube).unwrap();
+        for trial in 0..2_000 {
+            let mut integers = || random.vector(1e3).round();
+            let (a, b) = (integers(), integers());
+            let (first, across) = (a.normalize_or_zero(), a.cross(b).normalize_or_zero());
+            let direction = direction([first, across.cross(first), across], DVec3::ZERO);
+            let [x, y, z] = [a, b, a + b].map(|v| Vec3A::from(v.as_vec3()));
+            let transform = Affine3A { matrix3: Mat3A::from_cols(x, y, z), translation: Vec3A::ZERO };
+            let found = Occluder::new(&direction, &mesh, &transform).map(|occluder| occluder.mirrored);
+            assert_eq!(found, None, "trial {trial}: {a} {b}");
+        }
+    }
+
+    /// Whether an occluder is mirrored depends on its transform and on the direction, three of which have
+    /// left-handed coordinates.
+    #[test]
+    fn an_occluder_is_mirrored_by_its_transform_or_by_the_direction() {
+        let cube = Aabb::new(Vec3::splat(-1.0), Vec3::splat(1.0));
+        let mesh = OccluderMesh::cuboid(&cube).unwrap();
+        for (z, back) in [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)] {
+            let direction = direction([DVec3::X, DVec3::Y, DVec3::Z * back], DVec3::ZERO);
+            let transform = Affine3A::from_scale(Vec3::new(1.0, 1.0, z));
+            let found = Occluder::new(&direction, &mesh, &transform).map(|occluder| occluder.mirrored);
+            assert_eq!(found, Some(f64::from(z) * back < 0.0), "scaled by {z}, a direction along {back}");
+        }
+        let direction = direction([DVec3::X, DVec3::Y, DVec3::Z], DVec3::ZERO);
+        let far = Affine3A::from_translation(Vec3::new(f32::INFINITY, 0.0, 0.0));
+        assert!(Occluder::new(&direction, &mesh, &far).is_none(), "a mesh that is infinitely far");
+    }
+
+    /// Vertices of pieces, whose triangles are in scene coordinates, are right up to the error that they
+    /// have. One corner is at the origin, which has no magnitude of its own.
+    #[test]
+    fn vertices_of_pieces_are_within_their_error() {
+        use crate::sweep::cell_extent::CellExtent;
+        use crate::sweep::direction::CellBox;
+        use crate::sweep::effort::Effort;
+        use visibility_core::pvs::Viewcell;
+        use visibility_core::{Object, Scene, VisibleSet};
+        let (mut random, mut found) = (Random(4), 0);
+        for trial in 0..2_000 {
+            let [least, most] = if trial % 2 == 0 { [0.0, 1e6] } else { [-1e6, 0.0] };
+            let corners = [Vec3::ZERO, random.vec3(least, most), random.vec3(least, most)];
+            let Ok(mesh) = OccluderMesh::from_triangles(&[corners]) else { continue };
+            let mut scene = Scene::new();
+            let id = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
+            let mesh = scene.add_mesh(mesh.with_two_sided(true));
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+            let viewcell = Viewcell::from_box(DVec3::new(7.0, 3.0, 2.0), DVec3::new(8.0, 4.0, 3.0));
+            let extent = CellExtent::new(&viewcell, DVec3::ZERO).unwrap();
+            let cell = CellBox::new(&extent, scene.bounds(id).as_ref().unwrap(), DVec3::AXES).unwrap();
+            let (surfaces, mut pieces) = (Surfaces::new(&scene), Pieces::default());
+            pieces.begin(&surfaces, &Effort::FULL, &viewcell);
+            let occluding = crate::solids::occluding(&scene, &VisibleSet::new());
+            let range = pieces.find(&surfaces, 0, &occluding, &cell);
+            let first = random.direction();
+            let second = first.cross(random.direction()).normalize();
+            let rows = [first, second, first.cross(second)];
+            let direction = Direction { error: 1.0, ..direction(rows, DVec3::ZERO) };
+            for piece in range {
+                let occluder = Occluder::piece(&direction, &surfaces, &pieces, pieces.get(piece));
+                found += 1;
+                for corner in corners {
+                    let local = occluder.local(corner);
+                    for (k, row) in direction.rows.iter().enumerate() {
+                        let [x, y, z] = [0, 1, 2].map(|i| DoubleDouble::product(row[i], corner[i].into()));
+                        let off = x.plus(y).plus(z).plus(DoubleDouble::from(-local[k])).hi.abs();
+                        assert!(off <= occluder.error - 1.0, "trial {trial}: {corner} off by {off}");
+                    }
+                }
+            }
+        }
+        assert!(found > 1_000, "{found} pieces");
+    }
+
+    #[test]
+    fn occluders_with_more_than_four_times_the_error_of_the_direction_are_imprecise() {
+        let mesh = OccluderMesh::cuboid(&Aabb::new(Vec3::splat(-1.0), Vec3::splat(1.0))).unwrap();
+        let direction = direction([DVec3::X, DVec3::Y, DVec3::Z], DVec3::ZERO);
+        let occluder = Occluder::new(&direction, &mesh, &Affine3A::IDENTITY).unwrap();
+        for (times, is_precise) in [(1.0, true), (3.0, true), (4.0, true), (5.0, false), (7.0, false)] {
+            let occluder = Occluder { error: times * direction.error, ..occluder };
+            assert_eq!(occluder.is_precise(&direction), is_precise, "{times} times the error");
+        }
+    }
+
+    /// The rectangle of an occluder holds the whole pixels that all viewpoints see behind its bounds, and no
+    /// other. A pixel is a metre wide. Compared with rays from the corners of the viewcell.
+    #[test]
+    fn pixels_behind_bounds_are_those_that_all_viewpoints_see_behind_them() {
+        use alloc::vec::Vec;
+        let (mut random, mut counts) = (Random(5), [0; 2]);
+        let direction = direction([DVec3::X, DVec3::Y, DVec3::Z], DVec3::ZERO);
+        let d = 16.0;
+        let window = Window::from_zero(d, [[0.0, SIDE as f64]; 2]);
+        for trial in 0..20_000 {
+            let near = random.pick(&[0.5, 2.0, 8.0]);
+            let depths = [random.range(0.1, 30.0), random.range(0.1, 30.0)];
+            // Boxes across the corner of the window.
+            let size = [6.0, 40.0][trial % 2];
+            let (p, q) = (random.vector(size) + 3.0, random.vector(size) + 3.0);
+            let bounds = LocalBox {
+                lo: p.min(q).with_z(depths[0].min(depths[1])),
+                hi: p.max(q).with_z(depths[0].max(depths[1])),
+            };
+            let ends = [bounds.lo.z.max(near), bounds.hi.z.min(d)];
+            // Whether all viewpoints see a pixel behind the bounds, which are widened on the plane.
+            let is_behind = |lat: usize, pixel: usize, by: f64| {
+                ends[0] <= ends[1]
+                    && [[-0.5, 0.0], [0.5, 0.0], [-0.5, 1.0], [0.5, 1.0]].iter().all(|&[v, w]| {
+                        let at = |x: f64| ends.map(|z| (v * (z - d) + x * (d + w)) / (z + w));
+                        let (low, high) = (at(bounds.lo[lat]), at(bounds.hi[lat]));
+                        low[0].min(low[1]) - by <= pixel as f64
+                            && (pixel + 1) as f64 <= high[0].max(high[1]) + by
+                    })
+            };
+            let pixels = |lat: usize, by: f64| -> Vec<usize> {
+                (0..SIDE).filter(|&pixel| is_behind(lat, pixel, by)).collect()
+            };
+            // Ends are widened by the slack, 1/1024 of a pixel.
+            let (sure, may) = ([0, 1].map(|lat| pixels(lat, 0.5e-3)), [0, 1].map(|lat| pixels(lat, 1.5e-3)));
+            let found = pixels_behind(&bounds, &direction, &window, near);
+            counts[usize::from(found.is_some())] += 1;
+            let Some(rect) = found else {
+                assert!(sure.iter().any(Vec::is_empty), "trial {trial}: nothing of {sure:?}");
+                continue;
+            };
+            for (lat, [first, last]) in [rect.x, rect.y].into_iter().enumerate() {
+                let holds = |pixel: &usize| (first..=last).contains(pixel);
+                assert!(first <= last && sure[lat].iter().all(holds), "trial {trial}: {rect:?} of {sure:?}");
+                assert!(last - first < may[lat].len(), "trial {trial}: {rect:?} is more than {may:?}");
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 1_000), "without and with pixels: {counts:?}");
     }
 }

@@ -211,3 +211,160 @@ fn neighbour(mesh: &OccluderMesh, edge: u32, triangle: u32) -> Option<u32> {
     let edge = &mesh.edges()[edge as usize];
     edge.right.map(|right| if edge.left == triangle { right } else { edge.left })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::ray_map::{PixelRect, SIDE};
+    use super::*;
+    use visibility_core::Aabb;
+    use visibility_core::glam::{Affine3A, Vec3};
+    use visibility_core::scene::Triangle;
+
+    /// A direction of a viewcell of 2 by 2 by 1 metres.
+    fn direction() -> Direction {
+        let rows = [DVec3::X, DVec3::Y, DVec3::Z];
+        Direction { rows, offset: [0.0; 3], half: [1.0; 2], exact: [None; 2], depth: 1.0, error: 1e-12 }
+    }
+
+    fn window(d: f64, reach: f64) -> Window {
+        Window::from_zero(d, [[-reach, reach]; 2])
+    }
+
+    /// Draws a mesh on the plane at depth 60, with vertices that are off by `error`.
+    fn draws(mesh: &OccluderMesh, error: f64) -> bool {
+        let (direction, window) = (direction(), window(60.0, 128.0));
+        let mut occluder = Occluder::new(&direction, mesh, &Affine3A::IDENTITY).unwrap();
+        occluder.error = error;
+        let rect = PixelRect { x: [0, SIDE - 1], y: [0, SIDE - 1] };
+        let target = Target { direction: &direction, window: &window, near: 0.1, rect };
+        let mut map = RayMap::new();
+        let adds = OccluderRaster::new().draw_mesh(&mut map, &target, &occluder, mesh);
+        assert_eq!(adds, map.any_set(), "whether pixels are added");
+        adds
+    }
+
+    /// A quadrangle at depth `z` that shows its front to the viewcell, or its back.
+    fn wall(half: f32, z: f32, is_front: bool) -> [Triangle; 2] {
+        let [a, b, c, d] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[x, y]| Vec3::new(x * half, y * half, z));
+        if is_front { [[a, c, b], [a, d, c]] } else { [[a, b, c], [a, c, d]] }
+    }
+
+    fn cuboid(half: f32, z: [f32; 2]) -> OccluderMesh {
+        let [a, b] = z.map(|z| Vec3::new(half, half, z));
+        OccluderMesh::cuboid(&Aabb::new(a * Vec3::new(-1.0, -1.0, 1.0), b)).unwrap()
+    }
+
+    /// Triangles of several meshes, as one mesh.
+    fn together(meshes: &[OccluderMesh]) -> OccluderMesh {
+        let corners = |mesh: &OccluderMesh| -> Vec<Triangle> {
+            let corner = |i: u32| mesh.positions()[i as usize];
+            mesh.triangles().iter().map(|t| t.map(corner)).collect()
+        };
+        OccluderMesh::from_triangles(&meshes.iter().flat_map(corners).collect::<Vec<_>>()).unwrap()
+    }
+
+    /// Fronts hide; backs hide if they are two-sided and not of a closed mesh that shows fronts, or if they
+    /// are of a convex solid seen from outside. The front of what is narrow and near covers no pixel of the
+    /// plane.
+    #[test]
+    fn backs_hide_where_they_are_seen_or_where_fronts_were_met_before() {
+        let one = |triangles: &[Triangle]| OccluderMesh::from_triangles(triangles).unwrap();
+        let [front, back] = [true, false].map(|is_front| one(&wall(9.0, 50.0, is_front)));
+        // A narrow front before a wide back.
+        let both = one(&[wall(0.5, 1.0, true), wall(9.0, 50.0, false)].concat());
+        let solid = cuboid(0.9, [1.0, 59.0]);
+        let pair = together(&[solid.clone(), cuboid(0.1, [62.0, 63.0])]);
+        let room = OccluderMesh::cuboid(&Aabb::new(Vec3::splat(-50.0), Vec3::splat(50.0))).unwrap();
+        assert!(
+            solid.is_convex() && room.is_convex() && pair.is_closed(),
+            "solids are convex, a pair is closed"
+        );
+        assert!(!pair.is_convex() && !both.is_closed(), "a pair is not convex, two walls are not closed");
+        let cases = [
+            ("a front", front, [true, true]),
+            ("a back", back, [false, true]),
+            ("a front and a back", both, [false, true]),
+            ("a convex solid", solid, [true, true]),
+            ("two solids", pair, [false, false]),
+            ("a room from within", room, [false, true]),
+        ];
+        for (name, mesh, expected) in cases {
+            for (two_sided, expected) in [false, true].into_iter().zip(expected) {
+                let mesh = mesh.clone().with_two_sided(two_sided);
+                assert_eq!(draws(&mesh, 1e-12), expected, "{name}, two-sided: {two_sided}");
+            }
+        }
+    }
+
+    /// A solid that is nearer to the viewcell than its vertices are off may hold a part of it.
+    #[test]
+    fn backs_of_a_solid_do_not_hide_if_it_may_hold_the_viewcell() {
+        for (error, is_outside) in [(0.25, false), (0.15, true)] {
+            let solid = cuboid(50.0, [0.2, 50.2]);
+            assert_eq!(
+                draws(&solid, error),
+                is_outside,
+                "0.2 m before a solid whose vertices are off by {error}"
+            );
+        }
+    }
+
+    /// Triangles whose vertices may be off so much that the viewcell is on both sides of them face nothing.
+    #[test]
+    fn walls_nearer_than_their_error_face_nothing() {
+        let mesh = OccluderMesh::from_triangles(&wall(50.0, 0.2, true)).unwrap();
+        for (error, expected) in [(1e-12, true), (0.3, false)] {
+            assert_eq!(draws(&mesh, error), expected, "a wall at 0.2 m that is off by {error}");
+        }
+    }
+
+    /// An occluder is drawn if its vertices are off by less than a quarter of the slack on the plane: at the
+    /// corner of its bounds that is nearest and farthest to the side, as seen from the opposite corner of the
+    /// viewcell's front. Derivatives of the position on the plane tell how much.
+    #[test]
+    fn occluders_are_drawn_if_their_errors_are_less_than_a_quarter_of_the_slack() {
+        let (direction, mesh) = (direction(), cuboid(1.0, [1.0, 2.0]));
+        let mut occluder = Occluder::new(&direction, &mesh, &Affine3A::IDENTITY).unwrap();
+        let (d, near) = (16.0, 2.0);
+        let window = window(d, 64.0);
+        for (lo, hi) in [([-9.0, -1.0], [3.0, 2.0]), ([-1.0, -2.0], [1.0, 9.0]), ([1.0, 2.0], [1.5, 9.0])] {
+            for depths in [[1.0, 9.0], [2.0, 9.0], [4.0, 9.0]] {
+                let bounds = LocalBox {
+                    lo: DVec3::new(lo[0], lo[1], depths[0]),
+                    hi: DVec3::new(hi[0], hi[1], depths[1]),
+                };
+                let z = f64::max(depths[0], near);
+                let off = [0, 1].map(|lat: usize| {
+                    let x = f64::max(f64::abs(lo[lat]), f64::abs(hi[lat])) + 1.0;
+                    (d / z + x * d / (z * z)) * SIDE as f64 / 128.0
+                });
+                // Twice the slack in halves: what is twice as much, or half, is decided the other way.
+                for (part, decides) in [(0.9, true), (1.1, false)] {
+                    let error = part * SLACK * 0.25 / off[0].max(off[1]);
+                    (occluder.error, occluder.bounds) = (error, bounds);
+                    let found = OccluderRaster::decides(&direction, &window, &occluder, near);
+                    assert_eq!(found, decides, "{part} of a quarter of the slack at {bounds:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn occluders_that_add_nothing_or_are_imprecise_are_left_out() {
+        let (direction, window, mesh) = (direction(), window(60.0, 128.0), cuboid(9.0, [40.0, 50.0]));
+        let occluder = Occluder::new(&direction, &mesh, &Affine3A::IDENTITY).unwrap();
+        let (mut raster, mut map, mut work) = (OccluderRaster::new(), RayMap::new(), Work::UNLIMITED);
+        let mut draw = |map: &mut RayMap, occluder: &Occluder<'_>| {
+            raster.draw(map, &direction, &window, occluder, 0.1, &mut work)
+        };
+        let mut imprecise = occluder;
+        imprecise.error = 0.01;
+        assert_eq!(draw(&mut map, &imprecise), Drawn::LeftOut, "vertices are off by a centimetre");
+        assert!(!map.any_set(), "pixels of an imprecise occluder");
+        assert_eq!(draw(&mut map, &occluder), Drawn::Pixels, "the first time");
+        assert_ne!(draw(&mut map, &occluder), Drawn::Pixels, "the second time");
+        (0..SIDE).for_each(|row| map.set_span(row, 0, SIDE - 1));
+        assert_eq!(draw(&mut map, &occluder), Drawn::LeftOut, "on a full map");
+    }
+}

@@ -500,4 +500,23 @@ mod tests {
         assert_eq!(after, find(&mut fresh, &part), "facings of the viewcell with a plane");
         assert_ne!(after, before, "the top faces the whole box, and not all of the box along the plane");
     }
+
+    /// Triangles that are nearer to the viewcell than four times the error of its box face no side.
+    #[test]
+    fn triangles_nearer_than_the_error_of_the_box_face_no_side() {
+        let viewcell = Viewcell::from_box(-DVec3::ONE, DVec3::ONE);
+        let extent = CellExtent::new(&viewcell, DVec3::ZERO).unwrap();
+        // Coordinates of a million million metres are off by some centimetres.
+        let bounds = Aabb::new(Vec3::splat(-1e12), Vec3::splat(1e12));
+        let cell = CellBox::new(&extent, &bounds, DVec3::AXES).unwrap();
+        let error = cell.error();
+        let facing = |x: f64| {
+            let corners = [[x, -500.0, -500.0], [x, 500.0, -500.0], [x, 0.0, 500.0]].map(DVec3::from);
+            let [a, b, c] = corners;
+            [cell.facing([a, b, c]), cell.facing([a, c, b])]
+        };
+        assert_eq!(facing(1.0 + 4.0 * error), [0, 0], "four errors of {error} away");
+        let far = facing(900.0);
+        assert!(far == [-1, 1] || far == [1, -1], "far away: {far:?}");
+    }
 }

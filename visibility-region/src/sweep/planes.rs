@@ -258,4 +258,26 @@ mod tests {
             assert!(is_among(&planes, at(large)), "{large}: {planes:?}");
         }
     }
+
+    /// Occluders whose vertices err by more than the margins of planes and occludees are not drawn, and none
+    /// that cannot cover a pixel.
+    #[test]
+    fn imprecise_and_tiny_occluders_are_no_candidates() {
+        use visibility_core::glam::{Affine3A, Vec3};
+        use visibility_core::{Aabb, OccluderMesh};
+        let rows = [DVec3::X, DVec3::Y, DVec3::Z];
+        let (offset, half) = ([0.0; 3], [0.5; 2]);
+        let direction = Direction { rows, offset, half, exact: [None; 2], depth: 1.0, error: 1e-12 };
+        let cone = Cone { slopes: [[-1.0, 1.0]; 2], first: 0.1, deepest: 100.0, near: 0.05 };
+        let is_candidate = |half: f32, times: f64| {
+            let bounds = Aabb::new(Vec3::new(-half, -half, 20.0), Vec3::new(half, half, 20.1));
+            let mesh = OccluderMesh::cuboid(&bounds).unwrap();
+            let mut occluder = Occluder::new(&direction, &mesh, &Affine3A::IDENTITY).unwrap();
+            occluder.error = times * direction.error;
+            cone.candidate(&direction, &occluder, Source::Piece(0), false).is_some()
+        };
+        assert!(is_candidate(9.0, 1.0) && is_candidate(9.0, 4.0), "an occluder of 18 metres");
+        assert!(!is_candidate(9.0, 4.1), "more than four times the error of the direction");
+        assert!(!is_candidate(0.001, 1.0), "an occluder of two millimetres");
+    }
 }

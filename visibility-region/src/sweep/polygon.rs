@@ -215,4 +215,30 @@ mod tests {
             }
         }
     }
+
+    /// Polygons beside the rectangle, up to its border, words of pixels away, set nothing.
+    #[test]
+    fn polygons_beside_the_rectangle_set_nothing() {
+        let (mut inside, map, mut sides) = (PixelBlock::new(), RayMap::new(), [[0.0; SIDE]; 2]);
+        let (rect, mut full) = (PixelRect { x: [200, 255], y: [100, 163] }, RayMap::new());
+        (0..SIDE).for_each(|row| full.set_span(row, 0, SIDE - 1));
+        let triangle = |x: f64, y: f64| {
+            [[x, y], [x, y + 50.0], [x + 90.0, y + 25.0]].map(|[x, y]| DVec3::new(x, y, 1.0))
+        };
+        for (x, y) in [(0.0, 110.0), (256.0, 110.0), (400.0, 110.0), (210.0, 20.0), (210.0, 200.0)] {
+            inside.begin(rect);
+            let polygon = Polygon::cut(triangle(x, y), 0.5, 2.0);
+            let any = polygon.fill(&mut inside, &mut sides, &map, &Window::unit(), rect);
+            let is_set = (100..164).any(|y| (200..256).any(|x| inside.get(x, y)));
+            assert_eq!((any, is_set), (false, false), "a triangle at {x}, {y}");
+            let any = polygon.fill(&mut inside, &mut sides, &full, &Window::unit(), rect);
+            assert!(!any, "a triangle at {x}, {y}, on a full map");
+        }
+        inside.begin(rect);
+        let polygon = Polygon::cut(triangle(150.0, 110.0), 0.5, 2.0);
+        assert!(
+            polygon.fill(&mut inside, &mut sides, &map, &Window::unit(), rect) && inside.get(220, 135),
+            "a triangle that reaches into the rectangle"
+        );
+    }
 }

@@ -174,6 +174,10 @@ impl Tree {
             let Ok(bytes) = std::fs::read(root.join(name)) else { continue };
             store(&copy.join(name), &bytes)?;
         }
+        // A module that has moved since the last copy would be there twice.
+        for name in source_files(&copy, package)?.iter().filter(|name| !root.join(name).exists()) {
+            std::fs::remove_file(copy.join(name)).map_err(|error| format!("{name}: {error}"))?;
+        }
         Ok(Self { root: root.to_owned(), copy, package: package.to_owned(), unit_tests })
     }
 
