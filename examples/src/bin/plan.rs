@@ -41,7 +41,8 @@ struct Arguments {
     #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
     path: Vec<[f64; 2]>,
 
-    /// Draw what is seen at N places along the path of `--path`, one after another, as an animation.
+    /// Draw what is seen at N places along the path of `--path`, one after another, as an animation, in place of
+    /// the corners.
     #[arg(long, value_name = "N", requires = "path", value_parser = visibility_examples::arguments::count())]
     animate: Option<usize>,
 
@@ -271,12 +272,11 @@ fn draw(
     if let Some(start) = arguments.guards {
         eprintln!("{}", questions::guard(plan, start, &mut drawing)?);
     }
-    if !arguments.path.is_empty() {
-        eprintln!("{}", questions::walk(plan, &arguments.path, &mut drawing)?);
-    }
     if let Some(count) = arguments.animate {
         let view = PlanView::new([0.0; 2]).with_range(arguments.range).with_through(arguments.through);
         eprintln!("{}", questions::look_around(plan, &arguments.path, count, &view, &mut drawing)?);
+    } else if !arguments.path.is_empty() {
+        eprintln!("{}", questions::walk(plan, &arguments.path, &mut drawing)?);
     }
     Ok(drawing.finish())
 }

@@ -93,8 +93,8 @@ pub fn walk(plan: &Plan, stops: &[[f64; 2]], drawing: &mut Drawing) -> Result<St
     ))
 }
 
-/// Draws, one after another, what is seen at `count` places along the shortest path along `stops`, from its
-/// beginning to its end. `view` has the limits on what is seen; its eye is not used. Returns a line for the
+/// Draws the shortest path along `stops` and, one after another, what is seen at `count` places along it, from
+/// its beginning to its end. `view` has the limits on what is seen; its eye is not used. Returns a line for the
 /// user.
 ///
 /// # Errors
@@ -113,6 +113,8 @@ pub fn look_around(
         graph.find_path(plan, pair[0], pair[1], &mut path)?;
         points.extend_from_slice(path.points());
     }
+    let legs = points.windows(2).map(|leg| [leg[0], leg[1]]);
+    drawing.lines(legs, "stroke:#d9775a;stroke-width:2;stroke-dasharray:6 4");
     let mut answer = Visibility::new();
     let mut areas = 0.0;
     for (index, eye) in along(&points, count).into_iter().enumerate() {
