@@ -1,13 +1,13 @@
 //! Levels of Quake, Quake 2 and Half-Life (`.bsp`) as scenes, by the crate qbsp. z is up.
 //!
-//! The polygons that the level's BSP tree lists in a leaf are an object, since the game draws by leaf as well.
-//! Liquids, panes and sky are objects of their own and hide nothing. Models of the level that are not the world,
-//! such as doors and lifts, may move or be invisible, so each is visible from everywhere and hides nothing.
-//! Textures, lights and the level's own visible sets are not read.
+//! The polygons that the level's BSP tree lists in a leaf are an object, since the game draws by leaf as
+//! well. Liquids, panes and sky are objects of their own and hide nothing. Models of the level that are not
+//! the world, such as doors and lifts, may move or be invisible, so each is visible from everywhere and hides
+//! nothing. Textures, lights and the level's own visible sets are not read.
 //!
-//! qbsp asserts that the sizes in a file agree, and takes memory for counts that it did not check. So the sizes
-//! are checked before it reads, and it is given no more of the file than they span. Format: Half-Life's and
-//! Quake 2's differ from "Quake Specifications 3.4" in what qbsp calls variable values.
+//! qbsp asserts that the sizes in a file agree, and takes memory for counts that it did not check. So the
+//! sizes are checked before it reads, and it is given no more of the file than they span. Format: Half-Life's
+//! and Quake 2's differ from "Quake Specifications 3.4" in what qbsp calls variable values.
 
 use crate::error::SourceError;
 use crate::reading::Reading;
@@ -60,8 +60,8 @@ struct Level {
 ///
 /// # Errors
 ///
-/// Returns [`SourceError::Content`] for a file of another game or version, with sizes or numbers that contradict
-/// each other, or without polygons.
+/// Returns [`SourceError::Content`] for a file of another game or version, with sizes or numbers that
+/// contradict each other, or without polygons.
 pub(crate) fn parse(
     bytes: &[u8],
     path: &Path,
@@ -149,10 +149,11 @@ impl Level {
         })
     }
 
-    /// Returns the faces of each model, each with the first leaf that lists it. Faces of other models than the
-    /// first, and those in no leaf, have leaf 0, which is what is outside of the level.
+    /// Returns the faces of each model, each with the first leaf that lists it. Faces of other models than
+    /// the first, and those in no leaf, have leaf 0, which is what is outside of the level.
     fn leaves_of_models(&self) -> Result<Vec<BTreeMap<usize, usize>>, (&'static str, String)> {
-        // Each list is divided among those that refer to it, so that a forged file costs no more than its size.
+        // Each list is divided among those that refer to it, so that a forged file costs no more than its
+        // size.
         let check = |place, parts: u64, all: usize| {
             let problem = || format!("they refer to {parts} of {all}");
             if parts > all as u64 { Err((place, problem())) } else { Ok(()) }
@@ -261,8 +262,8 @@ fn surface(info: &BspTexInfo, textures: &[String]) -> Option<Surface> {
         };
     }
     let name = info.texture_idx.0.and_then(|index| textures.get(index as usize)).map_or("", String::as_str);
-    // Liquids begin with `*`, in Half-Life also with `!`; textures with holes with `{`. What has no name that can
-    // be read may be one of these.
+    // Liquids begin with `*`, in Half-Life also with `!`; textures with holes with `{`. What has no name that
+    // can be read may be one of these.
     Some(if name.is_empty() || name.starts_with(['*', '!', '{']) {
         Surface::SeeThrough
     } else if name.to_ascii_lowercase().starts_with("sky") {
@@ -277,8 +278,8 @@ mod tests {
     use super::*;
     use visibility_testing::Random;
 
-    /// Writes a level of a floor of 64 x 64 units whose corners are listed clockwise or counter-clockwise, with
-    /// water below it, sky above it and a door, each a square of its own.
+    /// Writes a level of a floor of 64 x 64 units whose corners are listed clockwise or counter-clockwise,
+    /// with water below it, sky above it and a door, each a square of its own.
     fn level(version: u32, is_clockwise: bool) -> Vec<u8> {
         let is_quake2 = version == 38;
         let int = |numbers: &[i32]| numbers.iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<u8>>();

@@ -90,8 +90,8 @@ pub fn open_by_object(
     }
 }
 
-/// Reads a scene from a `.vscn` (with its `.json` if that exists), `.gltf` or `.glb` file, and with the feature
-/// `maps` from a `.bsp` file. The case of the extension does not matter.
+/// Reads a scene from a `.vscn` (with its `.json` if that exists), `.gltf` or `.glb` file, and with the
+/// feature `maps` from a `.bsp` file. The case of the extension does not matter.
 ///
 /// # Errors
 ///

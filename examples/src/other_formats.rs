@@ -44,8 +44,9 @@ const OTHER_FORMATS: &[OtherFormat] = &[
     OtherFormat {
         extensions: &["bsp", "map"],
         name: "a map of a Quake or Source game",
-        way: "with `cargo run --release --features maps`, .bsp files of Quake, Quake 2 and Half-Life are read. \
-              For others, open the .map in TrenchBroom and export .obj, or import the .bsp into Blender by an \
+        way: "with `cargo run --release --features maps`, .bsp files of Quake, Quake 2 and Half-Life are \
+              read, and `python platforms/python/examples/quake3_level.py` draws those of Quake 3. For others, \
+              open the .map in TrenchBroom and export .obj, or import the .bsp into Blender by an \
               add-on and export glTF; `npx obj2gltf -i IN.obj -o OUT.glb` makes glTF of .obj. The .prt file of \
               the map compiler is read for portals",
     },

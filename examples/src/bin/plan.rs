@@ -14,10 +14,10 @@ use visibility_examples::{eprintln, exit_code, print};
 
 /// Compute what can be seen from points of a floor plan: visibility polygons and visible walls.
 ///
-/// The plan is an SVG file (outlines are walls), GeoJSON (lines and rings are walls, points are eyes), a map of
-/// Tiled or LDtk (outlines of tiles and shapes are walls, points are eyes), or text: a line `SEGMENTS QUERIES`,
-/// then SEGMENTS lines `x1 y1 x2 y2`, then QUERIES lines `x y`. With `--slice`, it is a horizontal cut through
-/// a scene. With `--trees`, the program walks through a forest instead.
+/// The plan is an SVG file (outlines are walls), GeoJSON (lines and rings are walls, points are eyes), a map
+/// of Tiled or LDtk (outlines of tiles and shapes are walls, points are eyes), or text: a line `SEGMENTS
+/// QUERIES`, then SEGMENTS lines `x1 y1 x2 y2`, then QUERIES lines `x y`. With `--slice`, it is a horizontal
+/// cut through a scene. With `--trees`, the program walks through a forest instead.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
@@ -41,8 +41,8 @@ struct Arguments {
     #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
     path: Vec<[f64; 2]>,
 
-    /// Draw what is seen at N places along the path of `--path`, one after another, as an animation, in place of
-    /// the corners.
+    /// Draw what is seen at N places along the path of `--path`, one after another, as an animation, in place
+    /// of the corners.
     #[arg(long, value_name = "N", requires = "path", value_parser = visibility_examples::arguments::count())]
     animate: Option<usize>,
 

@@ -15,8 +15,8 @@ use visibility_testing::Random;
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Level: a plan (.svg, .json, .geojson, .txt, .tmx, .ldtk) in a format of the program `plan`, with a point to start
-    /// at, or a scene: a built-in one, with or without sizes, or a file (.vscn, .glb, .gltf).
+    /// Level: a plan (.svg, .json, .geojson, .txt, .tmx, .ldtk) in a format of the program `plan`, with a
+    /// point to start at, or a scene: a built-in one, with or without sizes, or a file (.vscn, .glb, .gltf).
     #[arg(default_value = "office")]
     level: String,
 

@@ -1,5 +1,6 @@
 //! Plans as projects of the LDtk editor (`.ldtk`, and `.ldtkl` for a level saved on its own): the outlines of
-//! `IntGrid` cells with a value other than 0 are walls. Coordinates are pixels of the world, with y downwards.
+//! `IntGrid` cells with a value other than 0 are walls. Coordinates are pixels of the world, with y
+//! downwards.
 //!
 //! Of a project with levels at several depths, those at the depth of the first level are read. Only the few
 //! fields that matter are read, which all versions since 1.0 have. Format: "LDtk JSON format", ldtk.io.

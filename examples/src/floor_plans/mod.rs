@@ -1,5 +1,5 @@
-//! Floor plans: walls read from text, SVG paths, GeoJSON, maps of Tiled and LDtk or a cut through a scene, and
-//! pictures of what can be seen. Used by the program `plan`.
+//! Floor plans: walls read from text, SVG paths, GeoJSON, maps of Tiled and LDtk or a cut through a scene,
+//! and pictures of what can be seen. Used by the program `plan`.
 
 pub mod drawing;
 pub mod forest_walk;
@@ -19,9 +19,9 @@ use crate::error::SourceError;
 use crate::ordinary_file;
 use std::path::Path;
 
-/// Reads a plan: SVG by the extension `.svg`, GeoJSON by `.json` or `.geojson`, a map of Tiled by `.tmx`, one of
-/// LDtk by `.ldtk` or `.ldtkl`, text otherwise. Of a map, the layers with a name such as "Walls" or "Collisions"
-/// are walls, or all if there is none.
+/// Reads a plan: SVG by the extension `.svg`, GeoJSON by `.json` or `.geojson`, a map of Tiled by `.tmx`, one
+/// of LDtk by `.ldtk` or `.ldtkl`, text otherwise. Of a map, the layers with a name such as "Walls" or
+/// "Collisions" are walls, or all if there is none.
 ///
 /// # Errors
 ///
@@ -34,8 +34,8 @@ pub fn load(file: &Path) -> Result<PlanFile, SourceError> {
 ///
 /// # Errors
 ///
-/// Returns the errors of [`load`], and [`SourceError::Content`] for the name of a layer that the file lacks, as
-/// a plan of another format does.
+/// Returns the errors of [`load`], and [`SourceError::Content`] for the name of a layer that the file lacks,
+/// as a plan of another format does.
 pub fn load_layers(file: &Path, layers: &[String]) -> Result<PlanFile, SourceError> {
     let content = ordinary_file::open(file).and_then(std::io::read_to_string);
     let content = content.map_err(|cause| SourceError::io(file, cause))?;

@@ -93,9 +93,9 @@ pub fn walk(plan: &Plan, stops: &[[f64; 2]], drawing: &mut Drawing) -> Result<St
     ))
 }
 
-/// Draws the shortest path along `stops` and, one after another, what is seen at `count` places along it, from
-/// its beginning to its end. `view` has the limits on what is seen; its eye is not used. Returns a line for the
-/// user.
+/// Draws the shortest path along `stops` and, one after another, what is seen at `count` places along it,
+/// from its beginning to its end. `view` has the limits on what is seen; its eye is not used. Returns a line
+/// for the user.
 ///
 /// # Errors
 ///
@@ -128,8 +128,8 @@ pub fn look_around(
     Ok(format!("{count} places, which see {:.1} in the mean", areas / count.max(1) as f64))
 }
 
-/// Returns `count` points at equal distances along a chain, from its first point to its last. None for an empty
-/// chain.
+/// Returns `count` points at equal distances along a chain, from its first point to its last. None for an
+/// empty chain.
 fn along(points: &[[f64; 2]], count: usize) -> Vec<[f64; 2]> {
     let legs = || {
         points.windows(2).map(|leg| (leg[0], leg[1], (leg[1][0] - leg[0][0]).hypot(leg[1][1] - leg[0][1])))

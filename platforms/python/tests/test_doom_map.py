@@ -12,6 +12,12 @@ doom_map = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(doom_map)
 
 
+def longer(wad, name):
+    """Returns a .wad in whose directory a lump has a million bytes."""
+    at = wad.index(name)
+    return wad[: at - 4] + (10**6).to_bytes(4, "little") + wad[at:]
+
+
 def test_walls_doors_and_starts():
     walls, doors, starts = doom_map.read(doom_map.made_up(), "e1m1")
     assert (walls.shape, doors.shape, starts.tolist()) == ((20, 2, 2), (2, 2, 2), [[96, 96], [960, 256]])
@@ -24,7 +30,8 @@ def test_walls_doors_and_starts():
 
 @pytest.mark.parametrize("change, message", [
     (lambda wad: b"ZWAD" + wad[4:], "neither IWAD nor PWAD"),
-    (lambda wad: wad[:-1], "ends beyond the file"),
+    (lambda wad: wad[:-1], "the directory of 6 lumps ends beyond the file"),
+    (lambda wad: longer(wad, b"VERTEXES"), "lump VERTEXES ends beyond the file"),
     (lambda wad: wad.replace(b"SECTORS", b"SECTORZ"), "SECTORS is missing"),
     (lambda wad: wad.replace(b"THINGS\0\0", b"TEXTMAP\0"), "Hexen and in UDMF"),
 ])  # fmt: skip
