@@ -32,6 +32,9 @@ const SEE_THROUGH: u32 = 0x8 | 0x10 | 0x20;
 /// Flags of Quake 2 for surfaces that are not drawn, and for those that only guide the map compiler.
 const UNDRAWN: u32 = 0x80 | 0x100 | 0x200;
 
+/// List of a level, and what is wrong with it.
+type Wrong = (&'static str, String);
+
 /// How a polygon is drawn.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Surface {
@@ -68,7 +71,7 @@ pub(crate) fn parse(
     reading: &Reading,
     each: &mut dyn FnMut(SourceObject),
 ) -> Result<SceneSource, SourceError> {
-    let wrong = |(place, problem): (&str, String)| SourceError::content(path, place, problem);
+    let wrong = |(place, problem): Wrong| SourceError::content(path, place, problem);
     let level = Level::read(bytes).map_err(wrong)?;
     let unit = reading.unit.unwrap_or(INCH);
     let mut bounds = Bounds::default();
@@ -106,7 +109,7 @@ pub(crate) fn parse(
 
 impl Level {
     /// Reads the lists. The error names the list and what is wrong with it.
-    fn read(bytes: &[u8]) -> Result<Self, (&'static str, String)> {
+    fn read(bytes: &[u8]) -> Result<Self, Wrong> {
         let of = |place| move |error: BspParseError| (place, error.root().to_string());
         let no_context = BspParseContext::default();
         let mut reader = BspByteReader::new(bytes, &no_context);
@@ -151,7 +154,7 @@ impl Level {
 
     /// Returns the faces of each model, each with the first leaf that lists it. Faces of other models than
     /// the first, and those in no leaf, have leaf 0, which is what is outside of the level.
-    fn leaves_of_models(&self) -> Result<Vec<BTreeMap<usize, usize>>, (&'static str, String)> {
+    fn leaves_of_models(&self) -> Result<Vec<BTreeMap<usize, usize>>, Wrong> {
         // Each list is divided among those that refer to it, so that a forged file costs no more than its
         // size.
         let check = |place, parts: u64, all: usize| {
@@ -187,11 +190,7 @@ impl Level {
     }
 
     /// Returns how a face is drawn, and its corners in metres, counter-clockwise as seen from the front.
-    fn polygon(
-        &self,
-        face: usize,
-        unit: f64,
-    ) -> Result<(Option<Surface>, Vec<Vec3>), (&'static str, String)> {
+    fn polygon(&self, face: usize, unit: f64) -> Result<(Option<Surface>, Vec<Vec3>), Wrong> {
         let unknown = |what: &str| ("faces", format!("face {face} has an unknown {what}"));
         let face = self.faces.get(face).ok_or_else(|| unknown("number"))?;
         let edges =
@@ -222,7 +221,7 @@ fn list<T: BspValue>(
     entry: LumpEntry,
     name: &'static str,
     context: &BspParseContext,
-) -> Result<Vec<T>, (&'static str, String)> {
+) -> Result<Vec<T>, Wrong> {
     let size = T::bsp_struct_size(context).max(1);
     if !(entry.len as usize).is_multiple_of(size) {
         return Err((name, format!("{} bytes are no whole number of items of {size}", entry.len)));
