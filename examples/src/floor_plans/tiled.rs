@@ -220,8 +220,9 @@ mod tests {
         )
     }
 
-    /// The second and third tile of the middle row are solid; the third is turned.
-    const CSV: &str = r#"<data encoding="csv">0,0,0,0,
+    /// The second and third tile of the middle row are solid; the third is turned. The first of the map is no
+    /// tile, turned.
+    const CSV: &str = r#"<data encoding="csv">2147483648,0,0,0,
 0,7,2684354567,0,
 0,0,0,0</data>"#;
 
