@@ -7,6 +7,8 @@
 
 pub mod arguments;
 pub mod bake;
+#[cfg(feature = "maps")]
+mod bsp_file;
 pub mod cameras;
 pub mod description;
 pub mod engine;

@@ -4,6 +4,8 @@
 //! are glass or doors, and the camera walks. Without the JSON file the scene still loads, with z up and
 //! without walks.
 
+#[cfg(feature = "maps")]
+use crate::bsp_file;
 use crate::description::Description;
 use crate::error::SourceError;
 use crate::gltf_file::{MOST_OBJECTS, MOST_TRIANGLES};
@@ -88,8 +90,8 @@ pub fn open_by_object(
     }
 }
 
-/// Reads a scene from a `.vscn` (with its `.json` if that exists), `.gltf` or `.glb` file. The case of the
-/// extension does not matter.
+/// Reads a scene from a `.vscn` (with its `.json` if that exists), `.gltf` or `.glb` file, and with the
+/// feature `maps` from a `.bsp` file. The case of the extension does not matter.
 ///
 /// # Errors
 ///
@@ -138,6 +140,11 @@ fn load_by_object(
                 each(scene.origin, object);
             }
             Ok(scene)
+        }
+        #[cfg(feature = "maps")]
+        Some("bsp") => {
+            let bytes = ordinary_file::read(path).map_err(|cause| SourceError::io(path, cause))?;
+            bsp_file::parse(&bytes, path, reading, &mut |object| each(DVec3::ZERO, object))
         }
         _ => Err(SourceError::UnknownFormat { file: path.to_path_buf() }),
     }

@@ -12,6 +12,11 @@ struct OtherFormat {
 
 const OTHER_FORMATS: &[OtherFormat] = &[
     OtherFormat {
+        extensions: &["tmx", "ldtk", "ldtkl"],
+        name: "a map of tiles",
+        way: "the program `plan` reads it as a plan",
+    },
+    OtherFormat {
         extensions: &["obj"],
         name: "a Wavefront OBJ file",
         way: "`npx obj2gltf -i IN.obj -o OUT.glb` makes glTF of it, an object for each `o` of the file",
@@ -39,15 +44,18 @@ const OTHER_FORMATS: &[OtherFormat] = &[
     OtherFormat {
         extensions: &["bsp", "map"],
         name: "a map of a Quake or Source game",
-        way: "open the .map in TrenchBroom and export .obj, or import the .bsp into Blender by an add-on and \
-              export glTF; `npx obj2gltf -i IN.obj -o OUT.glb` makes glTF of .obj. The .prt file of the map \
-              compiler is read for portals",
+        way: "with `cargo run --release --features maps`, .bsp files of Quake, Quake 2 and Half-Life are \
+              read, and `python platforms/python/examples/quake3_level.py` draws those of Quake 3. For others, \
+              open the .map in TrenchBroom and export .obj, or import the .bsp into Blender by an \
+              add-on and export glTF; `npx obj2gltf -i IN.obj -o OUT.glb` makes glTF of .obj. The .prt file of \
+              the map compiler is read for portals",
     },
     OtherFormat {
         extensions: &["wad", "pk3"],
         name: "a file of a Doom game",
-        way: "import a map into Blender by an add-on, or export it as .obj by a map editor; `npx obj2gltf -i \
-              IN.obj -o OUT.glb` makes glTF of .obj. Give each sector and wall an object of its own",
+        way: "`python platforms/python/examples/doom_map.py` draws what is seen on the plan of a map. For a \
+              scene, import a map into Blender by an add-on, or export it as .obj by a map editor; `npx \
+              obj2gltf -i IN.obj -o OUT.glb` makes glTF of .obj. Give each sector and wall an object of its own",
     },
     OtherFormat {
         extensions: &["stl", "ply"],
@@ -82,8 +90,9 @@ mod tests {
             ("a/house.ifc", "pip install ifcopenshell"),
             ("delft.city.json", "cjio IN.city.json export glb"),
             ("castle.vox", "vox2obj"),
-            ("e1m1.bsp", "TrenchBroom"),
-            ("doom.wad", "Doom"),
+            ("e1m1.bsp", "--features maps"),
+            ("doom.wad", "doom_map.py"),
+            ("cave.tmx", "program `plan`"),
             ("scan.ply", "pip install trimesh"),
             ("car.fbx", "Blender"),
         ] {

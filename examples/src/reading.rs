@@ -11,7 +11,7 @@ use glam::Vec3;
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// Unit of the coordinates in scene files and their cameras: mm, cm, m, km, in, ft, or its length in
-    /// metres. By default metres.
+    /// metres. By default metres, and in .bsp files inches.
     #[arg(long, value_name = "UNIT", value_parser = parse_unit)]
     pub unit: Option<f64>,
 

@@ -23,6 +23,8 @@ mod directions;
 pub mod discs;
 pub mod horizon;
 mod median_order;
+#[cfg(feature = "serde")]
+mod serde_records;
 #[cfg(feature = "papers")]
 pub mod view_cdt;
 pub mod viewshed;

@@ -18,6 +18,11 @@ use visibility_culling::portals::from_geometry::WallSettings;
 use visibility_culling::portals::{BakerSettings, ChainTest, Narrowing};
 use visibility_culling::pvs::{Viewcell, ViewcellId};
 use visibility_culling::scene::{DrawRange, MeshId, SceneError};
+use visibility_culling::two_d::cdt::{Opacity, Plan, PlanView, Wall, WallHit};
+use visibility_culling::two_d::discs::Disc;
+use visibility_culling::two_d::horizon::UpAxis;
+use visibility_culling::two_d::viewshed::Observer;
+use visibility_culling::two_d::virtual_occluders::VirtualOccluder;
 use visibility_culling::view::{Depth, Reach, Window};
 use visibility_culling::{
     Aabb, FrustumCuller, Object, ObjectId, OccluderMesh, Pipeline, Pose, Scene, View, VisibleSet,
@@ -108,6 +113,67 @@ fn settings_are_read_as_written() {
     round_trips(SandwichSettings::default().with_gap(0.5).with_clearance(0.25).with_rays(6));
     round_trips(ViewcellBudget::new(7, DVec3::new(1.0, 2.0, 3.0)).with_agreement(0.5));
     round_trips(DrawCost { object_us: 0.5, triangle_us: 0.25 });
+}
+
+#[test]
+fn what_stands_on_plans_is_read_as_written() {
+    let wall = Wall::new([0.1, -2.0], [3.0, 4e59]);
+    round_trips([
+        wall,
+        wall.with_opacity(Opacity::OneWay).with_heights(-1.5, 2.5),
+        wall.with_opacity(Opacity::Clear),
+    ]);
+    round_trips([wall.with_heights(f64::NEG_INFINITY, 2.5), wall.with_heights(0.5, f64::INFINITY)]);
+    let view = PlanView::new([0.5, 0.25]);
+    round_trips([
+        view,
+        view.with_range(9.0).with_sector([1.0, 0.0], [0.0, 1.0]).with_heights(1.7, 0.0).with_through(2),
+    ]);
+    round_trips([Disc { center: [1.0, -2.0], radius: 0.5 }, Disc { center: [1e150, 0.0], radius: 0.0 }]);
+    let observer = Observer::new(1.5, 2.0);
+    round_trips([observer, observer.with_height(1.8).with_target_height(30.0).with_max_distance(5e3)]);
+    round_trips(observer.with_curvature(6.7e-8));
+    round_trips(VirtualOccluder { up: UpAxis::Y, ends: [[1.0, 2.0], [3.0, 4.0]], bottom: -1.0, top: 9.0 });
+    // The walls of a plan, and an answer on it, as a program would keep them.
+    let plan = Plan::new(&[Wall::new([0.0, 0.0], [1.0, 0.0]), wall]).expect("a plan");
+    round_trips(plan.walls().to_vec());
+    let hit: Option<WallHit> = plan.ray([0.5, 1.0], [0.5, 0.5]).expect("a ray");
+    assert_eq!(hit.expect("a hit").wall, Some(0), "the first wall stops the ray");
+    round_trips(hit);
+    let written = serde_json::to_string(&Wall::new([0.0, 1.0], [2.0, 3.0])).expect("a wall is written");
+    let expected = r#"{"ends":[[0.0,1.0],[2.0,3.0]],"opacity":"Opaque","low":null,"high":null}"#;
+    assert_eq!(written, expected, "the text of a wall");
+    let short = r#"{"ends":[[0,1],[2,3]],"opacity":"Opaque"}"#;
+    let read: Wall = serde_json::from_str(short).expect("a wall without heights");
+    assert_eq!(read, Wall::new([0.0, 1.0], [2.0, 3.0]), "a wall without heights has all");
+}
+
+#[test]
+fn what_no_plan_takes_is_refused() {
+    refuses::<Wall>(r#"{"ends":[[0,1],[2,1e61]],"opacity":"Opaque"}"#, "no number up to 1e60");
+    refuses::<Wall>(r#"{"ends":[[0,1],[2,3]],"opacity":"Thick"}"#, "unknown variant `Thick`");
+    let point = [0.0f64, 0.0];
+    for (case, heights) in [("a NaN", [f64::NAN, 1.0]), ("no range", [f64::INFINITY, f64::INFINITY])] {
+        let error = serde_json::to_string(&Wall::new(point, [1.0, 0.0]).with_heights(heights[0], heights[1]));
+        assert!(error.is_err(), "a wall with heights of {case} is not written");
+    }
+    let none: Option<f64> = None;
+    refuses_bytes::<Wall>(([[f64::NAN, 0.0], point], 0u8, none, none), "a wall with a NaN");
+    refuses_bytes::<Wall>(([point, point], 0u8, none, Some(f64::NAN)), "a wall whose top is NaN");
+    refuses::<PlanView>(r#"{"eye":[0,1e61],"through":0}"#, "no number up to 1e60");
+    refuses::<PlanView>(r#"{"eye":[0,1],"sector":[[0,1],[1e61,0]],"through":0}"#, "no number up to 1e60");
+    refuses::<PlanView>(r#"{"eye":[0,1],"range":-1,"through":0}"#, "a range or height that is none");
+    let infinite = PlanView::new(point).with_heights(f64::INFINITY, 0.0);
+    assert!(serde_json::to_string(&infinite).is_err(), "a view with an infinite height is not written");
+    refuses::<WallHit>(r#"{"point":[-1e61,0],"wall":null}"#, "no number up to 1e60");
+    refuses::<Disc>(r#"{"center":[0,0],"radius":-1}"#, "no radius");
+    refuses::<Disc>(r#"{"center":[0,1e151],"radius":1}"#, "beyond 1e150");
+    refuses::<Observer>(
+        r#"{"row":0,"column":0,"height":-1,"target_height":0,"curvature":0}"#,
+        "height, distance or curvature is out of range",
+    );
+    refuses_bytes::<Observer>((f64::NAN, 0.0, 0.0, 0.0, none, 0.0), "an observer at NaN");
+    refuses::<VirtualOccluder>(r#"{"up":"Z","ends":[[0,0],[1,0]],"bottom":2,"top":1}"#, "above its top");
 }
 
 #[test]

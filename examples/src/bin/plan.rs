@@ -8,22 +8,27 @@ use std::time::Instant;
 use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
 use visibility_examples::floor_plans::drawing::Drawing;
 use visibility_examples::floor_plans::forest_walk::{ForestWalk, REACH};
-use visibility_examples::floor_plans::{PlanFile, load, questions, slice};
+use visibility_examples::floor_plans::{PlanFile, load_layers, questions, slice};
 use visibility_examples::output_file::write;
 use visibility_examples::{eprintln, exit_code, print};
 
 /// Compute what can be seen from points of a floor plan: visibility polygons and visible walls.
 ///
-/// The plan is an SVG file (outlines are walls), GeoJSON (lines and rings are walls, points are eyes), or
-/// text: a line `SEGMENTS QUERIES`, then SEGMENTS lines `x1 y1 x2 y2`, then QUERIES lines `x y`. With
-/// `--slice`, it is a horizontal cut through a scene. With `--trees`, the program walks through a forest
-/// instead.
+/// The plan is an SVG file (outlines are walls), GeoJSON (lines and rings are walls, points are eyes), a map
+/// of Tiled or LDtk (outlines of tiles and shapes are walls, points are eyes), or text: a line `SEGMENTS
+/// QUERIES`, then SEGMENTS lines `x1 y1 x2 y2`, then QUERIES lines `x y`. With `--slice`, it is a horizontal
+/// cut through a scene. With `--trees`, the program walks through a forest instead.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Plan: a file with the extension .svg, .json or .geojson, or text.
+    /// Plan: a file with the extension .svg, .json, .geojson, .tmx, .ldtk or .ldtkl, or text.
     #[arg(required_unless_present = "trees")]
     file: Option<PathBuf>,
+
+    /// Layer of a Tiled or LDtk map whose tiles and shapes are walls. May be given several times. By default
+    /// layers with "wall", "collision", "solid" or "block" in their names, or else all.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["trees", "slice"])]
+    layer: Vec<String>,
 
     /// Read a scene (a file or a recipe, as `walkthrough --scene` does) in place of a plan, and cut its
     /// opaque objects but doors at this height. The plan's axes are the two that are not up, x before y
@@ -35,6 +40,11 @@ struct Arguments {
     /// the visibility graph.
     #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
     path: Vec<[f64; 2]>,
+
+    /// Draw what is seen at N places along the path of `--path`, one after another, as an animation, in place
+    /// of the corners.
+    #[arg(long, value_name = "N", requires = "path", value_parser = visibility_examples::arguments::count())]
+    animate: Option<usize>,
 
     /// Point in a room: find few guards that together see all that can be reached from there, and draw them,
     /// and witnesses of which no guard sees two.
@@ -114,7 +124,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     let path = arguments.file.as_deref().unwrap_or(std::path::Path::new(""));
     let mut file = match arguments.slice {
         Some(height) => slice::load(&path.to_string_lossy(), height)?,
-        None => load(path)?,
+        None => load_layers(path, &arguments.layer)?,
     };
     file.eyes.extend(&arguments.eye);
     let walls: Vec<_> = file.walls.iter().map(|&[a, b]| Wall::new(a, b)).collect();
@@ -262,7 +272,10 @@ fn draw(
     if let Some(start) = arguments.guards {
         eprintln!("{}", questions::guard(plan, start, &mut drawing)?);
     }
-    if !arguments.path.is_empty() {
+    if let Some(count) = arguments.animate {
+        let view = PlanView::new([0.0; 2]).with_range(arguments.range).with_through(arguments.through);
+        eprintln!("{}", questions::look_around(plan, &arguments.path, count, &view, &mut drawing)?);
+    } else if !arguments.path.is_empty() {
         eprintln!("{}", questions::walk(plan, &arguments.path, &mut drawing)?);
     }
     Ok(drawing.finish())

@@ -15,8 +15,8 @@ use visibility_testing::Random;
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Level: a plan (.svg, .json, .geojson, .txt) in a format of the program `plan`, with a point to start
-    /// at, or a scene: a built-in one, with or without sizes, or a file (.vscn, .glb, .gltf).
+    /// Level: a plan (.svg, .json, .geojson, .txt, .tmx, .ldtk) in a format of the program `plan`, with a
+    /// point to start at, or a scene: a built-in one, with or without sizes, or a file (.vscn, .glb, .gltf).
     #[arg(default_value = "office")]
     level: String,
 
@@ -104,7 +104,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
-    let is_plan = ["svg", "json", "geojson", "txt"]
+    let is_plan = ["svg", "json", "geojson", "txt", "tmx", "ldtk", "ldtkl"]
         .iter()
         .any(|end| Path::new(&arguments.level).extension().is_some_and(|e| e.eq_ignore_ascii_case(end)));
     let start = Instant::now();

@@ -15,6 +15,8 @@ const WALK: Color = [120, 120, 200];
 const SIDE: f64 = 1200.0;
 /// Least width of the map in pixels, which the captions below it need.
 const CAPTION: u32 = 960;
+/// Least width in pixels of the legend below a picture from the eye, which most titles need.
+const TITLE: u32 = 480;
 /// Margin around the map as a fraction of the longer side, so that walks outside the scene are shown.
 const MARGIN: f64 = 0.04;
 /// Fraction of the map's area above which an object counts as ground and is drawn pale.
@@ -78,7 +80,7 @@ pub fn draw_beside(
     shown: Shown,
 ) -> Result<Canvas, MeasureError> {
     let map = draw_map(world, trials, judgement, shown)?.halved();
-    let mut legend = Canvas::new(eye.width.max(400), 130, PAPER);
+    let mut legend = Canvas::new(eye.width.max(TITLE), 130, PAPER);
     for (line, y) in title(world, trials, judgement, shown).iter().zip([10, 28]) {
         legend.text(10, y, line, INK);
     }

@@ -201,7 +201,7 @@ impl Plan {
             let hit = plan.ray(eye, through)?;
             Ok(hit.map_or(([f64::NAN; 2], -1), |hit| (hit.point, hit.wall.map_or(-1, i64::from))))
         })?;
-        let (points, walls): (Vec<[f64; 2]>, Vec<i64>) = found.into_iter().unzip();
+        let (points, walls): (Vec<[f64; 2]>, Vec<i64>) = py.detach(|| found.into_iter().unzip());
         Ok((points_array(py, &points)?, PyArray1::from_vec(py, walls)))
     }
 

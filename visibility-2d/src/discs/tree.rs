@@ -23,6 +23,13 @@ pub struct Disc {
     pub radius: f64,
 }
 
+impl Disc {
+    /// Returns whether the coordinates and the radius are numbers that [`Discs::new`] takes.
+    pub(crate) fn is_valid(&self) -> bool {
+        self.center.iter().all(|x| x.abs() <= MAX_NUMBER) && (0.0..=MAX_NUMBER).contains(&self.radius)
+    }
+}
+
 /// Reason why discs are invalid.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
@@ -161,10 +168,7 @@ impl Discs {
         if discs.len() > 1 << 27 {
             return Err(DiscError::TooMany);
         }
-        let is_good = |disc: &Disc| {
-            disc.center.iter().all(|x| x.abs() <= MAX_NUMBER) && (0.0..=MAX_NUMBER).contains(&disc.radius)
-        };
-        if let Some(index) = discs.iter().position(|disc| !is_good(disc)) {
+        if let Some(index) = discs.iter().position(|disc| !disc.is_valid()) {
             return Err(DiscError::Disc { index });
         }
         let mut order: Vec<([f64; 2], u32)> = (0..).zip(discs).map(|(i, disc)| (disc.center, i)).collect();

@@ -13,11 +13,11 @@ pub(super) struct Eye {
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[must_use]
 pub struct Observer {
-    pub(super) position: [f64; 2],
-    height: f64,
-    target_height: f64,
-    max_distance: f64,
-    curvature: f64,
+    pub(crate) position: [f64; 2],
+    pub(crate) height: f64,
+    pub(crate) target_height: f64,
+    pub(crate) max_distance: f64,
+    pub(crate) curvature: f64,
 }
 
 impl Observer {
@@ -68,7 +68,7 @@ impl Observer {
     }
 
     /// Checks all numbers but the position.
-    pub(super) fn check(&self) -> Result<(), ViewshedError> {
+    pub(crate) fn check(&self) -> Result<(), ViewshedError> {
         for height in [self.height, self.target_height] {
             if !(0.0..=GREATEST_HEIGHT).contains(&height) {
                 return Err(ViewshedError::Height { height });

@@ -1,7 +1,7 @@
 """Types of the native part. Shapes are in comments; lengths are in metres, angles in radians."""
 
 from collections.abc import Sequence
-from typing import Literal, overload
+from typing import Literal, final, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +85,7 @@ class Plan:
     def unseen(self, starts: Floats) -> UnseenRegion: ...  # (n, 2)
     def shortest_path(self, start: Point2, end: Point2) -> NDArray[np.float64] | None: ...  # (k, 2)
 
+@final
 class UnseenRegion:
     @property
     def area(self) -> float: ...
@@ -94,6 +95,7 @@ class UnseenRegion:
     def contains(self, points: Floats) -> NDArray[np.bool_]: ...  # (n, 2) -> (n,)
     def copy(self) -> UnseenRegion: ...
 
+@final
 class View:
     @staticmethod
     def perspective(
@@ -162,6 +164,7 @@ class Scene:
         self, view: View, ids: Indices, size: tuple[int, int] = (640, 360)
     ) -> tuple[NDArray[np.uint32], int]: ...
 
+@final
 class BakedSet:
     @staticmethod
     def from_bytes(data: bytes) -> BakedSet: ...
