@@ -34,8 +34,8 @@ fn no_climb_ends_at_a_box_that_a_horizon_hides_and_a_line_reaches() {
 /// Quadrilaterals along each side of the ground.
 const SIDE: usize = 5;
 
-/// Makes ground of integer heights around the origin, an eye above one border that looks across it, and a target
-/// that is lower, above the other border.
+/// Makes ground of integer heights around the origin, an eye above one border that looks across it, and a
+/// target that is lower, above the other border.
 fn ground(random: &mut Random, up: UpAxis) -> SightWorld {
     let step = 1i64 << (8 + random.below(11));
     let steep = (step / random.pick(&[1, 4, 16])).min(1 << 18);

@@ -8,8 +8,8 @@ use visibility_2d::discs::{Disc, DiscError, DiscView, DiscZone, Discs};
 use visibility_testing::allocations::ALLOCATIONS;
 use visibility_testing::{Random, judged, told_enough};
 
-/// Discs whose nearest point is in range by less than the rounding of the square of their distance, and one that
-/// contains the eye.
+/// Discs whose nearest point is in range by less than the rounding of the square of their distance, and one
+/// that contains the eye.
 #[test]
 fn wide_discs_are_in_range_up_to_rounding() {
     for (center, radius, range) in [

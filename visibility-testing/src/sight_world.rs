@@ -25,8 +25,8 @@ pub struct Camera {
     pub near: i64,
 }
 
-/// Occluding triangles between an eye (or a box of eyes) and a target box. What `Debug` prints of a world is an
-/// expression of it, to be pasted into a test.
+/// Occluding triangles between an eye (or a box of eyes) and a target box. What `Debug` prints of a world is
+/// an expression of it, to be pasted into a test.
 #[derive(Clone)]
 pub struct SightWorld {
     /// Coordinates: of the corners, then of the target's and of the eyes' least corner.
@@ -426,14 +426,19 @@ mod tests {
             in_depth: false,
         });
         let dense = |text: &str| text.split_whitespace().collect::<String>().replace(",}", "}");
-        assert_eq!(dense(&format!("{world:?}")), dense(source));
+        assert_eq!(dense(&format!("{world:?}")), dense(source), "what is printed, and the expression");
     }
 
     #[test]
     fn triangles_are_left_out_unless_they_are_fixed() {
         let world = SightWorld::seen_by_camera(&mut Random(1));
         let count = world.faces.len();
-        assert_eq!(world.without(count - 1).map(|less| less.faces.len()), Some(count - 1));
-        assert!(world.without(count).is_none() && world.with_fixed_triangles().without(0).is_none());
+        assert_eq!(
+            world.without(count - 1).map(|less| less.faces.len()),
+            Some(count - 1),
+            "without the last"
+        );
+        assert!(world.without(count).is_none(), "{count} triangles");
+        assert!(world.with_fixed_triangles().without(0).is_none(), "fixed triangles stay");
     }
 }

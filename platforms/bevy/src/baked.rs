@@ -38,10 +38,10 @@ pub struct BakedObject(pub u32);
 ///
 /// What hid others in the bake must stay as it was. Nothing is hidden while an occluder of the bake is no
 /// longer as it was baked: its entity is gone, has changed, or is no longer its [`BakedObject`], and no other
-/// entity, whose box contains that of the lost one, has taken the place. Nothing is hidden either while an occluder of the bake has a
-/// [`VisibilityRange`] or is on a layer above 30. The culler is [approximate](Accuracy::Approximate) while
-/// no entity of an occluder has been found yet, since nobody knows whether that wall is drawn; spawn all parts
-/// of an occluder in one frame.
+/// entity, whose box contains that of the lost one, has taken the place. Nothing is hidden either while an
+/// occluder of the bake has a [`VisibilityRange`] or is on a layer above 30. The culler is
+/// [approximate](Accuracy::Approximate) while no entity of an occluder has been found yet, since nobody knows
+/// whether that wall is drawn; spawn all parts of an occluder in one frame.
 ///
 /// A set belongs to one [version](BakedSet::version) of the level. `bake` prints the version, and the game
 /// stores it with the level. The culler of a set whose version was not compared is approximate.
@@ -84,8 +84,8 @@ pub struct BakedLevel {
 /// State of an entity with a [`BakedObject`] relative to the bake. Absent while its position is unknown.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Place {
-    /// The entity is at its baked position. The fields are its object in the scene, its index in the bake, and
-    /// its world box.
+    /// The entity is at its baked position. The fields are its object in the scene, its index in the bake,
+    /// and its world box.
     AsBaked(ObjectId, u32, Aabb),
     /// The entity has changed since it was at its baked position.
     Changed,
@@ -175,8 +175,8 @@ impl BakedLevel {
         (is_known && self.boxes.as_ref().is_none_or(is_there)).then_some(Place::AsBaked(id, index, bounds))
     }
 
-    /// Records where an entity is. At its baked position it replaces the largest lost entity of its object that
-    /// its box contains: another part of a wall leaves the gap of the lost one open.
+    /// Records where an entity is. At its baked position it replaces the largest lost entity of its object
+    /// that its box contains: another part of a wall leaves the gap of the lost one open.
     fn insert(&mut self, entity: Entity, place: Place) {
         self.entities.insert(entity, place);
         let Place::AsBaked(_, index, bounds) = place else { return };

@@ -204,8 +204,8 @@ fn cells_of_a_scene_hide_what_is_behind_its_walls() {
     }
 }
 
-/// Two walls with a slot of a metre between them. The transform of the second subtracts numbers that are equal
-/// up to the last bits of an `f32`.
+/// Two walls with a slot of a metre between them. The transform of the second subtracts numbers that are
+/// equal up to the last bits of an `f32`.
 #[test]
 fn cells_of_a_scene_leave_slots_open_that_f32_would_close() {
     let scene = make(vis_scene_create);

@@ -35,10 +35,10 @@ pub struct TwoPhaseCuller {
 }
 
 impl TwoPhaseCuller {
-    /// Creates a culler for the present objects of a scene, with their boxes as they are now: make another when
-    /// objects have moved. No object counts as visible in the last frame. Wgpu reports an error of validation
-    /// if the boxes, of 24 bytes each, exceed the device's `max_storage_buffer_binding_size`: by default,
-    /// above 5.5 million objects.
+    /// Creates a culler for the present objects of a scene, with their boxes as they are now: make another
+    /// when objects have moved. No object counts as visible in the last frame. Wgpu reports an error of
+    /// validation if the boxes, of 24 bytes each, exceed the device's `max_storage_buffer_binding_size`: by
+    /// default, above 5.5 million objects.
     pub fn new(gpu: &Gpu, scene: &Scene, meshes: &Meshes, painter: &Painter, target: &Target) -> Self {
         let count = scene.index_limit();
         let mut boxes = vec![Aabb::EMPTY; count];

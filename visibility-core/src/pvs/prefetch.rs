@@ -78,12 +78,13 @@ impl Prefetch {
     /// A viewcell counts as reached when the eye is within `reach` metres of it along each axis, plus the
     /// [misplacement](Viewcells::misplacement) of viewcells. `reach` is the distance from the eye at which
     /// lines of sight begin, such as that of the corners of the near plane, or 0. The listed time of an
-    /// object is never later than the time at which a [`PvsCuller`](super::PvsCuller) first shows it, with two
-    /// exceptions, in which that culler shows every object: where lines of sight begin outside all viewcells,
-    /// and in views that do not draw all occluders of the PVS, such as one of other layers, or one from
-    /// beyond the draw range of an occluder. Objects that the PVS never hides are not listed. Changes of
-    /// objects since the [`ScenePvs`] was made are not taken into account. While the eye is outside all viewcells every object counts as visible, though not
-    /// listed: see [`covered_seconds`](Self::covered_seconds).
+    /// object is never later than the time at which a [`PvsCuller`](super::PvsCuller) first shows it, with
+    /// two exceptions, in which that culler shows every object: where lines of sight begin outside all
+    /// viewcells, and in views that do not draw all occluders of the PVS, such as one of other layers, or one
+    /// from beyond the draw range of an occluder. Objects that the PVS never hides are not listed. Changes of
+    /// objects since the [`ScenePvs`] was made are not taken into account. While the eye is outside all
+    /// viewcells every object counts as visible, though not listed: see
+    /// [`covered_seconds`](Self::covered_seconds).
     ///
     /// Empty for numbers that are not finite, and for negative `reach` or `seconds`. Time is linear in the
     /// number of objects and, for each viewcell reached, in the bytes of its row and the number of targets.
