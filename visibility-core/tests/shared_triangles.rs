@@ -210,7 +210,7 @@ fn a_shared_mesh_goes_with_the_triangles() {
     let prepared = || {
         let mut scene = Scene::new();
         let id = place(&mut scene, &mesh, moved, false);
-        scene.prepare_occluders(&Preparation::default());
+        scene.prepare_occluders(&Preparation::default().with_two_sided(true));
         assert!(scene.has_mesh(id), "the object has a prepared mesh");
         (scene, id)
     };
@@ -234,7 +234,7 @@ fn a_shared_mesh_goes_with_the_triangles() {
         (Ok(bounds), false),
         "local bounds take the mesh away, and keep the bounds"
     );
-    scene.prepare_occluders(&Preparation::default());
+    scene.prepare_occluders(&Preparation::default().with_two_sided(true));
     assert_eq!(
         scene.occluder(id).map(|(_, transform)| transform),
         Some(Affine3A::IDENTITY),
@@ -315,9 +315,9 @@ fn exact_determinant(m: &DMat3) -> f64 {
     terms.into_iter().fold(DoubleDouble::ZERO, |sum, term| sum.plus(term)).hi
 }
 
-/// Under transforms that nearly flatten, also by less than rounding to `f32` changes, fronts stay fronts where
-/// they are certain. A one-sided object whose fronts are not certain hides nothing and is seen from both
-/// sides.
+/// Under transforms that nearly flatten, also by less than rounding to `f32` changes, fronts stay fronts
+/// where they are certain. A one-sided object whose fronts are not certain hides nothing and is seen from
+/// both sides.
 #[test]
 fn fronts_stay_fronts_or_are_uncertain() {
     let (mut random, mut counts, mut turned) = (Random(8), [0; 2], 0);
@@ -342,7 +342,7 @@ fn fronts_stay_fronts_or_are_uncertain() {
         assert_eq!([object.one_sided, object.occluder], [is_certain; 2], "round {round}: in a level");
         let (object, _) = level_object(&scene, two_sided).unwrap();
         assert_eq!([object.one_sided, object.occluder], [false, true], "round {round}: two-sided");
-        let made = scene.prepare_occluders(&Preparation::default());
+        let made = scene.prepare_occluders(&Preparation::default().with_two_sided(true));
         assert_eq!(made, 1 + usize::from(is_certain), "round {round}: meshes made");
     }
     assert!(counts.iter().all(|&count| count > 500), "{counts:?} are uncertain and certain");

@@ -31,8 +31,8 @@ pub(crate) fn keeps_orientation_64(matrix: &DMat3) -> Option<bool> {
     sign_of_volume(axes.map(|axis| axis / axis.abs().max_element()))
 }
 
-/// Returns whether the volume spanned by three axes is positive. `None` if rounding leaves its sign uncertain,
-/// and for NaN.
+/// Returns whether the volume spanned by three axes is positive. `None` if rounding leaves its sign
+/// uncertain, and for NaN.
 #[inline(always)]
 fn sign_of_volume([a, b, c]: [DVec3; 3]) -> Option<bool> {
     let (volume, most) = (

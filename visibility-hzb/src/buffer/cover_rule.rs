@@ -102,10 +102,8 @@ fn pixels_have_the_nearest_key_of_what_covers_them() {
                 for mask in [nearer, u64::MAX, random.bits()] {
                     let wanted = mask & !nearer == 0;
                     assert_eq!(tiles.hides(0, mask, depth_key), wanted, "{case:?}: {mask} at {depth_key}");
-                    assert_eq!(
-                        tiles.hides_partly(0, mask, depth_key) || tiles.tile_min[0] > depth_key,
-                        wanted
-                    );
+                    let is_hidden = tiles.hides_partly(0, mask, depth_key) || tiles.tile_min[0] > depth_key;
+                    assert_eq!(is_hidden, wanted, "{case:?}: {mask} at {depth_key}, by layers");
                     let planes = FacePlaneSetup::default().of_box([0.0; 6]);
                     let left = tiles.undecided(0, mask, TILE, depth_key, &planes);
                     assert_eq!(left, mask & !nearer, "{case:?}: undecided of {mask} at {depth_key}");

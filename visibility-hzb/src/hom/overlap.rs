@@ -215,8 +215,8 @@ mod tests {
         assert!(more > 500, "the threshold does something: {more}");
     }
 
-    /// A tile, and a texel of four tiles, are opaque from the number of pixels on that the threshold asks for.
-    /// Levels end with one texel, also if the picture is a single column or row of tiles.
+    /// A tile is opaque from the number of pixels on that the threshold asks for. Levels end with one texel,
+    /// also if the picture is a single column or row of tiles.
     #[test]
     fn texels_are_opaque_from_their_threshold_on() {
         for picture in [[16, 16], [8, 64], [64, 8], [8, 8], [70, 30]] {

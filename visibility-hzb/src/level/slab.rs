@@ -70,8 +70,8 @@ pub(super) fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: D
     // A product of three terms is off by 3 u of their magnitudes, which may be more than the height. The
     // subtraction rounds by u of the height, which the factor below covers.
     let margin = 4.0 * U * polygon.normal.abs().dot(frame.eye.abs());
-    // A lower bound on the height of the eye above the polygon's slab (the layer that holds its vertices), and
-    // an upper bound on its distance from points of the polygon's faces.
+    // A lower bound on the height of the eye above the polygon's slab (the layer that holds its vertices),
+    // and an upper bound on its distance from points of the polygon's faces.
     let (height, distance) = if frame.perspective {
         (along - high - margin, (frame.eye - middle).length() + radius + 2.0 * (high - low))
     } else {
