@@ -142,8 +142,9 @@ fn planes_of_covered_pixels_are_kept() {
     assert_eq!(keys, [3.0, 5.0, 1.0, 7.0], "keys of pixels by the planes of their layers");
     tiles.clear();
     assert_eq!(tiles.pixel_closely(1, 0), EMPTY_DEPTH, "planes are forgotten");
-    let whole = tiles.add_depth_planes(flat(4.0));
+    let [_, _, whole] = [9.0, 9.0, 4.0].map(|key| tiles.add_depth_planes(flat(key)));
     tiles.cover(0, 1, 3.0, 0);
+    assert_eq!([1, 4, 7].map(|column| tiles.pixel_closely(column, 0)), [EMPTY_DEPTH; 3], "so are layers");
     tiles.cover_tile(0, 0, 2.0, whole);
     assert_eq!([0, 1].map(|column| tiles.pixel(column, 0)), [3.0, 2.0], "layers stay as they are");
     assert_eq!([0, 1].map(|column| tiles.pixel_closely(column, 0)), [4.0, 4.0], "planes of the tile");

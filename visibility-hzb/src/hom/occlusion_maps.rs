@@ -388,7 +388,7 @@ mod tests {
             if estimate == DepthEstimate::NoBackground {
                 let behind = [
                     answer([8.0, -1.0, -0.5], [9.0, -0.5, 0.5]),
-                    answer([80.0, 6.0, -0.5], [81.0, 7.0, 0.5]),
+                    answer([80.0, 40.0, -0.5], [81.0, 41.0, 0.5]),
                 ];
                 assert_eq!(behind, [Occlusion::Hidden; 2], "boxes behind the walls");
             }

@@ -67,15 +67,16 @@ pub(super) fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: D
     // Square of the sine of the greatest angle between the normal and those of faces.
     let sine_squared = 1.0 - polygon.min_cosine * polygon.min_cosine + 1e-12;
     let along = polygon.normal.dot(frame.eye);
-    // A product of three terms is off by 3 u of their magnitudes, which may be more than the height. The
-    // subtraction rounds by u of the height, which the factor below covers.
-    let margin = 4.0 * U * polygon.normal.abs().dot(frame.eye.abs());
     // A lower bound on the height of the eye above the polygon's slab (the layer that holds its vertices),
-    // and an upper bound on its distance from points of the polygon's faces.
+    // and an upper bound on its distance from points of the polygon's faces. Far from the origin, the 3 u by
+    // which a product of three terms is off may be much of the height; the subtraction rounds by u of the
+    // height, which the factor below covers. In a parallel view the height is at least the sine, 1e-6, so the
+    // factor covers the product as well.
     let (height, distance) = if frame.perspective {
+        let margin = 4.0 * U * polygon.normal.abs().dot(frame.eye.abs());
         (along - high - margin, (frame.eye - middle).length() + radius + 2.0 * (high - low))
     } else {
-        (-along - margin, 1.0)
+        (-along, 1.0)
     };
     height > 0.0 && height * height > sine_squared * distance * distance * (1.0 + 1e-5)
 }
