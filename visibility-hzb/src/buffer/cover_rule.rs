@@ -150,7 +150,7 @@ fn planes_of_covered_pixels_are_kept() {
     assert_eq!([0, 1].map(|column| tiles.pixel_closely(column, 0)), [4.0, 4.0], "planes of the tile");
     tiles.cover_tile(0, 0, 6.0, 0);
     assert_eq!(tiles.pixel(0, 0), 6.0, "a layer behind the whole tile does not count");
-    assert_eq!(tiles.hides(0, 1, 5.0), true, "nor for what is hidden");
+    assert!(tiles.hides(0, 1, 5.0), "nor for what is hidden");
     let mut tiles = Tiles::new(SIDE, SIDE);
     for (mask, key) in [(1, 1.0), (2, 2.0), (4, 3.0), (8, 4.0)] {
         tiles.cover(0, mask, key, 0);
