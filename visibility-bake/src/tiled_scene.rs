@@ -380,7 +380,10 @@ impl TiledSceneWriter {
         mesh: Option<(&OccluderMesh, Affine3A)>,
     ) -> Result<(), LevelError> {
         let triangles = triangles.into();
-        let object = Object { occluder: object.occluder && !object.is_unculled(), ..*object };
+        let is_unknown = object.one_sided && !triangles.has_certain_fronts();
+        let (occluder, one_sided) =
+            (object.occluder && !object.is_unculled() && !is_unknown, object.one_sided && !is_unknown);
+        let object = Object { occluder, one_sided, ..*object };
         let mesh = mesh.filter(|_| object.occluder);
         let facts = facts(self.objects.len(), &object, triangles, mesh)?;
         self.content.push(triangles, mesh)?;

@@ -35,6 +35,9 @@ pub fn level_version(scene: &Scene) -> u64 {
 pub fn level_object(scene: &Scene, id: ObjectId) -> Option<(Object, Option<(&OccluderMesh, Affine3A)>)> {
     let mut object = scene.object(id).ok()?;
     object.occluder &= scene.is_always_drawn(id) && !object.is_unculled();
+    if object.one_sided && !scene.triangles(id).is_ok_and(|triangles| triangles.has_certain_fronts()) {
+        (object.occluder, object.one_sided) = (false, false);
+    }
     Some((object, scene.occluder(id).filter(|_| object.occluder)))
 }
 

@@ -3,7 +3,10 @@
 
 use visibility_core::glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Vec3};
 use visibility_core::scene::{SharedTriangles, Triangle};
-use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene, occlusion::Preparation};
+use visibility_core::{
+    Aabb, Object, ObjectId, OccluderMesh, Scene, geometry::DoubleDouble, level_version::level_object,
+    occlusion::Preparation,
+};
 use visibility_testing::Random;
 
 /// Returns the triangles of a box.
@@ -207,7 +210,7 @@ fn a_shared_mesh_goes_with_the_triangles() {
     let prepared = || {
         let mut scene = Scene::new();
         let id = place(&mut scene, &mesh, moved, false);
-        scene.prepare_occluders(&Preparation::default());
+        scene.prepare_occluders(&Preparation::default().with_two_sided(true));
         assert!(scene.has_mesh(id), "the object has a prepared mesh");
         (scene, id)
     };
@@ -231,7 +234,7 @@ fn a_shared_mesh_goes_with_the_triangles() {
         (Ok(bounds), false),
         "local bounds take the mesh away, and keep the bounds"
     );
-    scene.prepare_occluders(&Preparation::default());
+    scene.prepare_occluders(&Preparation::default().with_two_sided(true));
     assert_eq!(
         scene.occluder(id).map(|(_, transform)| transform),
         Some(Affine3A::IDENTITY),
@@ -300,4 +303,48 @@ fn one_exact_transform_costs_one_prepared_mesh() {
         (50, 2),
         "objects prepared, and meshes: a shared one and one of its own"
     );
+}
+
+/// Returns the determinant of a matrix in double-double arithmetic.
+fn exact_determinant(m: &DMat3) -> f64 {
+    let m = [m.x_axis, m.y_axis, m.z_axis].map(|axis| axis.to_array().map(DoubleDouble::from));
+    let terms = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [1, 0, 2], [2, 1, 0]].map(|[i, j, k]| {
+        let term = m[0][i].times(m[1][j]).times(m[2][k]);
+        if (j + 3 - i) % 3 == 1 { term } else { term.negated() }
+    });
+    terms.into_iter().fold(DoubleDouble::ZERO, |sum, term| sum.plus(term)).hi
+}
+
+/// Under transforms that nearly flatten, also by less than rounding to `f32` changes, fronts stay fronts
+/// where they are certain. A one-sided object whose fronts are not certain hides nothing and is seen from
+/// both sides.
+#[test]
+fn fronts_stay_fronts_or_are_uncertain() {
+    let (mut random, mut counts, mut turned) = (Random(8), [0; 2], 0);
+    let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let mesh = SharedTriangles::from([corners]);
+    for round in 0..3_000 {
+        let [x, y, off] = [(); 3].map(|()| random.vector(1.0));
+        let away = [1e-16, 1e-15, 1e-12, 1e-9, 1e-7][round % 5];
+        let flat = DMat3::from_cols(x, y, x / 3.0 + y / 7.0 + off * away);
+        let placed = mesh.placed(DAffine3::from_mat3(flat));
+        let is_certain = placed.view().has_certain_fronts();
+        counts[usize::from(is_certain)] += 1;
+        let front: [Vec3; 3] = placed.view().get(0).unwrap();
+        let keeps = front[1] == x.as_vec3();
+        let rounded = flat.as_mat3().as_dmat3();
+        turned += usize::from((exact_determinant(&rounded) > 0.0) != (exact_determinant(&flat) > 0.0));
+        assert!(!is_certain || keeps == (exact_determinant(&flat) > 0.0), "round {round}: turned {flat}");
+        let mut scene = Scene::new();
+        let [one_sided, two_sided] =
+            [true, false].map(|sides| place(&mut scene, &mesh, DAffine3::from_mat3(flat), sides));
+        let (object, _) = level_object(&scene, one_sided).unwrap();
+        assert_eq!([object.one_sided, object.occluder], [is_certain; 2], "round {round}: in a level");
+        let (object, _) = level_object(&scene, two_sided).unwrap();
+        assert_eq!([object.one_sided, object.occluder], [false, true], "round {round}: two-sided");
+        let made = scene.prepare_occluders(&Preparation::default().with_two_sided(true));
+        assert_eq!(made, 1 + usize::from(is_certain), "round {round}: meshes made");
+    }
+    assert!(counts.iter().all(|&count| count > 500), "{counts:?} are uncertain and certain");
+    assert!(turned > 500, "rounding to `f32` would turn {turned}");
 }

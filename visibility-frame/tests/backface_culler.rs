@@ -1,10 +1,10 @@
 //! Tests of the backface culler in scenes that change: an object that changed after its cone was built counts
 //! as visible, and no object with a visible front is hidden.
 
-use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::glam::{DAffine3, DMat3, DVec3, Vec3};
 use visibility_core::{
-    Aabb, Accuracy, Culler, Object, ObjectId, Pose, Scene, View, VisibleSet, scene::Triangle, simd::Simd,
-    view::Eye,
+    Aabb, Accuracy, Culler, Object, ObjectId, Pose, Scene, View, VisibleSet, geometry::DoubleDouble,
+    scene::SharedTriangles, scene::Triangle, simd::Simd, view::Eye,
 };
 use visibility_frame::backface::{BackfaceCuller, Facing, NormalCone, facing};
 use visibility_testing::{Random, judged, told_enough};
@@ -252,4 +252,41 @@ fn blocks_of_a_scene_are_made_anew_after_another() {
     culler.sync(&a);
     assert!(cull(&mut culler, &a, &back).contains(&a, id), "the front after the winding is reversed");
     assert!(!cull(&mut culler, &a, &front).contains(&a, id), "the back after the winding is reversed");
+}
+
+/// A triangle placed by a transform that nearly flattens is never hidden from the side of its front, which
+/// the exact sign of the determinant tells.
+#[test]
+fn fronts_under_flat_transforms_are_visible() {
+    let (mut random, mut hidden, mut wrong) = (Random(9), 0, 0);
+    let mesh = SharedTriangles::from([[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+    for round in 0..2_000 {
+        let [x, y, off] = [(); 3].map(|()| random.vector(1.0));
+        let away = [1e-16, 1e-9, 1.0][round % 3];
+        let m = DMat3::from_cols(x, y, x / 3.0 + y / 7.0 + off * away);
+        let columns = [m.x_axis, m.y_axis, m.z_axis].map(|axis| axis.to_array().map(DoubleDouble::from));
+        let terms = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [1, 0, 2], [2, 1, 0]].map(|[i, j, k]| {
+            let term = columns[0][i].times(columns[1][j]).times(columns[2][k]);
+            if (j + 3 - i) % 3 == 1 { term } else { term.negated() }
+        });
+        let exact = terms.into_iter().fold(DoubleDouble::ZERO, |sum, term| sum.plus(term)).hi;
+        wrong += usize::from(exact != 0.0 && (m.determinant() > 0.0) != (exact > 0.0));
+        let triangles = mesh.placed(DAffine3::from_mat3(m));
+        let mut scene = Scene::new();
+        let id = scene.insert(Object { one_sided: true, ..Object::new(triangles.bounds()) });
+        scene.set_triangles(id, triangles).unwrap();
+        let mut culler = BackfaceCuller::new();
+        culler.sync(&scene);
+        // The normal of the triangle that is not turned points along x times y.
+        let (normal, middle) = (x.cross(y).normalize_or_zero(), (x + y) / 3.0);
+        for side in [1.0, -1.0] {
+            let pose = Pose::look_at(middle + 5.0 * side * normal, middle, off.normalize_or(DVec3::Z));
+            let view = View::perspective(pose, 1.5, 1.5, 0.1, f64::INFINITY).unwrap();
+            let is_front = (exact > 0.0) == (side > 0.0);
+            let is_visible = cull(&mut culler, &scene, &view).contains(&scene, id);
+            assert!(is_visible || !is_front, "round {round}: front of {m} from side {side}");
+            hidden += usize::from(!is_visible);
+        }
+    }
+    assert!(hidden > 500 && wrong > 50, "{hidden} backs are hidden, {wrong} determinants have a wrong sign");
 }

@@ -44,7 +44,10 @@ impl<'a> DrawnObject<'a> {
     /// object's index. `None` if the scene has no such object, or the object is on none of the view's layers.
     pub fn of_scene(scene: &'a Scene, id: ObjectId, view: &View) -> Option<Self> {
         let (object, triangles) = (scene.object(id).ok()?, scene.triangles(id).ok()?);
-        let (key, see_through, one_sided) = (id.index() as u32, object.see_through, object.one_sided);
+        // An object whose fronts are uncertain is seen from both sides, and hides nothing.
+        let is_unknown = object.one_sided && !triangles.has_certain_fronts();
+        let (see_through, one_sided) = (object.see_through || is_unknown, object.one_sided && !is_unknown);
+        let key = id.index() as u32;
         (object.layers & view.layers() != 0).then_some(Self { key, triangles, see_through, one_sided })
     }
 }

@@ -89,7 +89,9 @@ impl NormalBins {
     /// number of objects.
     pub(crate) fn new(scene: &Scene) -> Self {
         let single = |id| match scene.triangles(id) {
-            Ok(triangles) if triangles.len() == 1 => unit_normal(&triangles.first()?),
+            Ok(triangles) if triangles.len() == 1 && triangles.has_certain_fronts() => {
+                unit_normal(&triangles.first()?)
+            }
             _ => None,
         };
         let mut marks = alloc::vec![[NO_BIN, 0, 0]; scene.index_limit()];

@@ -24,6 +24,7 @@ pub(crate) use clip_outward::{Corners, clip_outward};
 pub use convex_polygon::{ConvexPolygon, PolygonError};
 pub use double_double::DoubleDouble;
 pub use handedness::keeps_orientation;
+pub(crate) use handedness::keeps_orientation_64;
 pub use plane::Plane;
 pub use side::{PolygonSide, Side, SidePlane, orientation};
 pub use solid_angle::solid_angle;

@@ -213,6 +213,10 @@ mod tests {
             let bounds = Aabb::from_arrays([2.0, 0.0, 0.0], [2.0, 1.0, 1.0]);
             assert_eq!(plane.classify_aabb(&bounds), expected, "a box {units} units of 2 beyond the plane");
         }
+        // The error is that of the farthest corner: 24u, and 12u without its coordinate.
+        let plane = Plane::new(DVec3::new(1.0 - 10.0 * U, 0.0, 0.0), -2.0);
+        let bounds = Aabb::from_arrays([0.0; 3], [2.0, 1.0, 1.0]);
+        assert_eq!(plane.classify_aabb(&bounds), Containment::Crossing, "a box up to 20u before the plane");
         // The greatest offset that is its own error bound.
         let least = 8.0 * f64::MIN_POSITIVE;
         for (offset, expected) in [

@@ -113,6 +113,9 @@ impl Scene {
                     continue;
                 }
             }
+            if !sides.two_sided && !triangles.view().has_certain_fronts() {
+                continue;
+            }
             // No shared mesh fits: the object gets one of its own, in world coordinates.
             let own = match triangles.view().mesh() {
                 (triangles, None) => prepare(triangles, &sides),

@@ -3,6 +3,7 @@
 
 use super::Triangle;
 use crate::Aabb;
+use crate::geometry::keeps_orientation_64;
 use alloc::{boxed::Box, sync::Arc, vec::Vec};
 use core::slice;
 use glam::{Affine3, Affine3A, DAffine3, DMat3, DVec3, Vec3};
@@ -60,7 +61,8 @@ impl SharedTriangles {
     /// the scene. `transform` replaces a former transform.
     ///
     /// A transform that mirrors (with a negative determinant) turns triangles inside out. Two of their
-    /// corners are then exchanged, so that the front of each stays its front.
+    /// corners are then exchanged, so that the front of each stays its front. A transform may be so flat that
+    /// rounding hides whether it mirrors: see [`Triangles::has_certain_fronts`].
     #[must_use]
     pub fn placed(&self, transform: DAffine3) -> Self {
         self.instances(&[transform]).placed(0, &transform)
@@ -193,7 +195,8 @@ fn rounded(transform: &DAffine3) -> Affine3 {
 /// Returns whether a transform may be [rounded] for a mesh with the given box. On each axis, rounding must
 /// move vertices by at most `4 u` (`u = 2^-24`) times the greatest coordinate of the box's image on that
 /// axis. Bounds computed from the exact transform then still contain the triangles, up to rounding. A
-/// transform can always be rounded for a box that contains the mesh's origin.
+/// transform can always be rounded for a box that contains the mesh's origin, unless rounding changes what is
+/// known of whether it mirrors.
 ///
 /// Placing in `f32` adds terms that may cancel, so the sum of their magnitudes must be at most 4 times the
 /// greatest coordinate of the image. Returns false if the rounded transform is not finite.
@@ -210,6 +213,7 @@ fn can_be_rounded(transform: &DAffine3, mesh_bounds: &Aabb) -> bool {
     let image = mesh_bounds.transformed(&rounded.into());
     let coordinates = image.min.abs().max(image.max.abs()).as_dvec3();
     rounded.is_finite()
+        && keeps_orientation_64(&transform.matrix3) == keeps_orientation_64(&matrix3)
         && size.max_element() <= 4.0 * coordinates.max_element()
         && moved.cmple(2.0 * f64::from(f32::EPSILON) * coordinates).all()
 }
@@ -315,6 +319,24 @@ impl<'a> Triangles<'a> {
         Some(self.transform.map_or(*bounds, |transform| bounds.transformed(&rounded(&transform).into())))
     }
 
+    /// Returns whether it is certain which side of each triangle is its front. False if the triangles are
+    /// placed by a transform of which rounding leaves uncertain whether it mirrors, as of one that flattens.
+    /// Cullers then count a [one-sided](crate::Object::one_sided) object as seen from both sides, and let it
+    /// hide nothing.
+    ///
+    /// ```
+    /// use visibility_core::glam::{DAffine3, DVec3, Vec3};
+    /// use visibility_core::scene::SharedTriangles;
+    /// let leaf = SharedTriangles::from([[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+    /// let scaled = |z| leaf.placed(DAffine3::from_scale(DVec3::new(1.0, 1.0, z)));
+    /// assert!(scaled(-1.0).view().has_certain_fronts());
+    /// assert!(!scaled(0.0).view().has_certain_fronts());
+    /// ```
+    #[inline]
+    pub fn has_certain_fronts(&self) -> bool {
+        self.transform.is_none_or(|transform| keeps_orientation_64(&transform.matrix3).is_some())
+    }
+
     /// Returns the triangles in the coordinates of their mesh, and the transform from these to scene
     /// coordinates, which is `None` where both are the same.
     #[inline]
@@ -403,7 +425,9 @@ impl Placement {
     fn of(transform: Option<DAffine3>) -> Self {
         match transform {
             None => Self::InScene,
-            Some(transform) if transform.matrix3.determinant() < 0.0 => Self::Mirrored(transform),
+            Some(transform) if keeps_orientation_64(&transform.matrix3) == Some(false) => {
+                Self::Mirrored(transform)
+            }
             Some(transform) => Self::Moved(transform),
         }
     }

@@ -167,6 +167,7 @@ impl BackfaceCuller {
         let (Ok(triangles), Ok(object)) = (scene.triangles(id), scene.object(id)) else { return };
         let within = |bounds: Aabb| triangles.iter().flatten().all(|p| bounds.contains_point(p));
         if !object.one_sided
+            || !triangles.has_certain_fronts()
             || self.cone_of(id).is_some()
             || triangles.is_empty()
             || !scene.bounds(id).is_ok_and(within)

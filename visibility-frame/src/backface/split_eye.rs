@@ -24,6 +24,12 @@ impl SplitEye {
     /// An eye whose position is unknown: no cone holds it, so nothing is culled.
     pub(crate) const UNKNOWN: Self = Self { high: [f32::NAN; 3], low: [0.0; 3], weight: 1.0, blur: f32::NAN };
 
+    /// Returns the bound on the uncertainty of the eye.
+    #[cfg(test)]
+    pub(crate) fn blur(&self) -> f32 {
+        self.blur
+    }
+
     /// Converts an eye whose coordinates, relative to the origin of the cones, are exact.
     pub(crate) fn new(eye: &Eye) -> Self {
         match *eye {

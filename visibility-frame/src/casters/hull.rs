@@ -269,8 +269,10 @@ mod tests {
             let size = 1 << random.between(2, 12);
             let mut whole =
                 |size: i32| DVec3::from_array([(); 3].map(|()| f64::from(random.between(-size, size))));
-            let (first, light) = (whole(1 << 20), whole(1 << 20));
+            let (first, far, beside) = (whole(1 << 20), whole(1 << 20), whole(3));
             let edges = [whole(size), whole(size), whole(size)];
+            // Lights are anywhere, or about as far from some sides as these may be misplaced.
+            let light = if round % 5 < 3 { far } else { first + edges[round % 3] + beside };
             let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner: usize| {
                 first + (0..3).map(|k| edges[k] * (corner >> k & 1) as f64).sum::<DVec3>()
             });
@@ -323,5 +325,86 @@ mod tests {
         }
         assert!(found > 50_000 && wide > found / 3, "{found} planes, {wide} with errors of some roundings");
         assert!(behind > 10_000, "{behind} of {found} need their error");
+    }
+
+    /// The sides of the box around a ball are within their errors, with room for the rounding of the centre.
+    /// Nothing is added that is not finite, or beyond the greatest number of planes.
+    #[test]
+    fn sides_of_balls_are_within_their_errors() {
+        let mut random = Random(82);
+        for round in 0..2_000 {
+            let [far, size] = [(); 2].map(|()| 10f64.powi(random.between(-3, 9)));
+            let (center, radius) = (random.fine_vector(far), random.fine_range(0.0, size));
+            let mut planes = HullPlanes::new();
+            push_ball(&mut planes, center, radius);
+            assert_eq!(planes.len(), 6, "{round}: sides of a ball");
+            for ViewPlane { plane, error } in planes {
+                let along = plane.normal.dot(center);
+                let off = DoubleDouble::difference(radius, along).plus((-plane.offset).into()).hi.abs();
+                let needed = off + 0.5 * EPSILON * along.abs();
+                assert!(error >= needed, "{round}: {error} of a side that is {needed} off");
+            }
+        }
+        for (x, radius, wanted) in [(0.0, f64::INFINITY, 0), (1.7e308, 1.7e308, 4), (f64::NAN, 1.0, 4)] {
+            let mut planes = HullPlanes::new();
+            push_ball(&mut planes, DVec3::new(x, 0.0, 0.0), radius);
+            assert!(planes.len() <= wanted, "{} sides of a ball of {radius} at {x}", planes.len());
+            let is_finite = |of: &ViewPlane| of.plane.offset.is_finite() && of.error.is_finite();
+            assert!(planes.iter().all(is_finite), "sides of a ball of {radius} at {x}");
+        }
+        let mut planes = HullPlanes::new();
+        for _ in 0..20 {
+            push_ball(&mut planes, DVec3::ONE, 1.0);
+            push_cone(&mut planes, DVec3::ONE, DVec3::X, 1.0, DVec3::ONE);
+        }
+        assert_eq!(planes.len(), MAX_HULL_PLANES, "planes of many balls and cones");
+    }
+
+    /// The planes around the cone of a light hold all points that are in the cone by double-double
+    /// arithmetic, next to the lines along which they touch it.
+    #[test]
+    fn planes_around_a_cone_hold_it() {
+        let (mut random, mut inside, mut wide) = (Random(83), 0, 0);
+        for round in 0..4_000 {
+            let light = random.fine_vector(1e6) * if round % 2 == 0 { 0.0 } else { 1.0 };
+            let axis = random.fine_vector(1.0) * 2f64.powi(random.between(-300, 300));
+            let tangent = random.fine_range(0.01, 3.0);
+            let Some(unit) = (axis / axis.abs().max_element()).try_normalize() else { continue };
+            let (u, v) = unit.any_orthonormal_pair();
+            let points: SmallVec<[DVec3; 16]> = (0..16)
+                .map(|i| {
+                    let (sine, cosine) = (f64::from(i) * core::f64::consts::FRAC_PI_4).sin_cos();
+                    let within = 1.0 - 2.0 * EPSILON * f64::from(i);
+                    let along = unit + (u * cosine + v * sine) * (tangent * within);
+                    light + along * 10f64.powi(random.between(0, 6))
+                })
+                .collect();
+            let reach = points.iter().fold(DVec3::ZERO, |reach, p| reach.max(p.abs()));
+            let mut planes = HullPlanes::new();
+            push_cone(&mut planes, light, axis, tangent, reach);
+            assert_eq!(planes.len(), 8, "{round}: planes around a cone");
+            for p in points {
+                let d = [0, 1, 2].map(|k| DoubleDouble::difference(p[k], light[k]));
+                let dot = |a: [DoubleDouble; 3], b: [DoubleDouble; 3]| {
+                    (0..3).fold(DoubleDouble::ZERO, |sum, k| sum.plus(a[k].times(b[k])))
+                };
+                let s = unit.to_array().map(DoubleDouble::from);
+                let (along, size, square) = (dot(d, s), dot(d, d), DoubleDouble::product(tangent, tangent));
+                // The square of the distance from the axis, against that of the cone. The unit axis is off by
+                // some roundings, as the planes allow for.
+                let across = size.times(dot(s, s)).plus(along.times(along).negated());
+                let room = along.times(along).times(square).plus(across.negated()).hi;
+                if along.hi < 0.0 || room < 0.0 {
+                    continue;
+                }
+                inside += 1;
+                for ViewPlane { plane, error } in &planes {
+                    let distance = distance(plane, p);
+                    assert!(distance >= -error, "{round}: {p} is {distance} beyond {plane:?}, error {error}");
+                    wide += u32::from(distance < 0.0);
+                }
+            }
+        }
+        assert!(inside > 10_000 && wide > 1_000, "{inside} points of cones, {wide} need the error");
     }
 }

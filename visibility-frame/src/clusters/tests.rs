@@ -3,9 +3,10 @@
 //! wider.
 
 use super::local_view::Placement;
+use crate::backface::SplitEye;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::{Affine3A, DVec3, Mat3A, Vec3A};
-use visibility_core::view::ViewPlane;
+use visibility_core::view::{Eye, ViewPlane};
 use visibility_testing::{Random, sign_of_sum};
 
 fn exact(v: Vec3A) -> [f64; 3] {
@@ -137,4 +138,34 @@ fn flat_transforms_have_no_placement() {
         assert!(Placement::new(&transform).is_none(), "{transform:?}");
     }
     assert!(doubtful > 1_000, "{doubtful} have a determinant that rounding makes");
+}
+
+/// The eye of an instance has the bound on its inverse image as its uncertainty, and a direction that of its
+/// scaled image, with room for the rounding of the quotients.
+#[test]
+fn eyes_of_instances_are_as_uncertain_as_their_images() {
+    let mut rng = Random(95);
+    let mut known = 0;
+    for round in 0..2_000 {
+        let [a, b, c] = random_axes(&mut rng);
+        let transform = Affine3A::from_cols(a, b, c, rng.vec3(-9.0, 9.0).into());
+        let Some(placement) = Placement::new(&transform) else { continue };
+        let (eye, error) = (rng.fine_vector(9.0), [0.0, 1e-9, 1e-4][round % 3]);
+        let shift = DVec3::from(exact(transform.translation));
+        let (p, radius) = placement.inverse(eye - shift, error);
+        let found = placement.eye(&Eye::Point(eye), error).blur();
+        assert!(found >= SplitEye::around(p, 1.0, radius).blur(), "{round}: a point");
+        let along = eye.normalize();
+        let (p, radius) = placement.inverse(along, error);
+        let length = p.abs().max_element();
+        let least = radius / length + f64::EPSILON;
+        let found = placement.eye(&Eye::Direction(along), error);
+        if least < 0.9e-3 {
+            known += 1;
+            assert!(found.blur() >= SplitEye::around(-p / length, 0.0, least).blur(), "{round}: a direction");
+        } else if least > 1.1e-3 {
+            assert!(found.blur().is_nan(), "{round}: a direction that is off by {least}");
+        }
+    }
+    assert!(known > 500, "{known} directions are known");
 }

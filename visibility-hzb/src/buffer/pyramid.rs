@@ -282,6 +282,24 @@ mod tests {
         [a.min(b) as u32, end as u32 + 1]
     }
 
+    /// Asserts that each texel has the least key of the finer texels under it.
+    fn assert_texels_are_least(pyramid: &Pyramid, tiles: &Tiles) {
+        let (mut columns, mut rows) = (tiles.columns, tiles.rows);
+        let mut finer = &tiles.tile_min[..columns * rows];
+        for level in 0..pyramid.height() {
+            let (across, down, texels) = pyramid.level(level).unwrap();
+            assert_eq!([across, down], [columns.div_ceil(2), rows.div_ceil(2)], "size of level {level}");
+            for (at, &texel) in texels.iter().enumerate() {
+                let [x, y] = [2 * (at % across), 2 * (at / across)];
+                let under = (y..rows.min(y + 2)).flat_map(|y| (x..columns.min(x + 2)).map(move |x| [x, y]));
+                let least = under.map(|[x, y]| finer[y * columns + x]).fold(f32::INFINITY, f32::min);
+                assert_eq!(texel, least, "texel {at} of level {level}");
+            }
+            (columns, rows, finer) = (across, down, texels);
+        }
+        assert_eq!([columns, rows], [1, 1], "the coarsest level is a texel");
+    }
+
     #[test]
     fn rectangles_are_hidden_where_all_their_pixels_are() {
         let mut random = Random(1);
@@ -302,12 +320,21 @@ mod tests {
                 }
                 let mut pyramid = Pyramid::new(&tiles);
                 pyramid.update(&mut tiles);
+                // More is drawn afterwards, in one tile and in a few.
+                for more in 0..4 {
+                    for _ in 0..[1, 1, 5, 0][more] {
+                        let tile = random.below(tiles.columns * tiles.rows);
+                        tiles.cover(tile, u64::MAX, 2.0 + random.below(4) as f32, 0);
+                    }
+                    pyramid.update(&mut tiles);
+                    assert_texels_are_least(&pyramid, &tiles);
+                }
                 for _ in 0..200 {
                     let rectangle = Rectangle {
                         columns: range(&mut random, size[0]),
                         lines: range(&mut random, size[1]),
                     };
-                    let depth_key = 0.5 + random.below(3) as f32;
+                    let depth_key = 0.5 * (1 + random.below(6)) as f32;
                     let [x, y] = [rectangle.columns, rectangle.lines].map(|[a, b]| a as usize..b as usize);
                     let all = y.clone().all(|y| x.clone().all(|x| tiles.pixel(x, y) > depth_key));
                     assert_eq!(pyramid.hides(&tiles, &rectangle, depth_key), all, "{rectangle:?}");

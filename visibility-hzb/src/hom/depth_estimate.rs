@@ -169,3 +169,41 @@ pub(crate) fn update_maps(
     opacity.update(tiles, region);
     boundary.update(tiles, region);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::buffer::tile_layout::SIDE;
+
+    /// The estimates of the farthest points of occluders: one bound for all, and one for each tile that their
+    /// rectangles meet. What is as near as a bound is not behind it.
+    #[test]
+    fn bounds_are_those_of_the_farthest_occluder() {
+        let tiles = Tiles::new(4 * SIDE, 3 * SIDE);
+        let opacity = OpacityPyramid::new([4 * SIDE, 3 * SIDE]);
+        let all = [([0, 1, 0, 1], 3.0), ([1, 2, 1, 2], 2.0), ([1, 1, 0, 0], 5.0)];
+        for estimate in [DepthEstimate::Plane, DepthEstimate::Buffer] {
+            let mut boundary = DepthBoundary::new(&tiles);
+            boundary.set(estimate);
+            boundary.clear();
+            for (region, depth_key) in all {
+                boundary.move_behind(&TileRange(region), depth_key);
+            }
+            for (x, y) in (0..3).flat_map(|y| (0..4).map(move |x| (x, y))) {
+                let is_in = |[x0, x1, y0, y1]: [usize; 4]| (x0..=x1).contains(&x) && (y0..=y1).contains(&y);
+                let own = all.iter().filter(|(region, _)| estimate == DepthEstimate::Plane || is_in(*region));
+                let bound = own.fold(f32::INFINITY, |least, &(_, key)| least.min(key));
+                let [columns, lines] = [x, y].map(|at| [(at * SIDE) as u32, (at * SIDE + 3) as u32]);
+                let rectangle = Rectangle { columns, lines };
+                for depth_key in [1.0, 2.0, 2.5, 3.0, 4.0, 5.0] {
+                    let is_nearer = boundary.is_nearer_than(&opacity, &tiles, &rectangle, depth_key);
+                    assert_eq!(is_nearer, bound > depth_key, "{estimate:?}, tile {x}, {y} at {depth_key}");
+                }
+            }
+            boundary.move_behind(&TileRange([0, 3, 0, 2]), f32::NAN);
+            let rectangle = Rectangle { columns: [0, 8], lines: [0, 8] };
+            let is_nearer = boundary.is_nearer_than(&opacity, &tiles, &rectangle, -1e30);
+            assert!(!is_nearer, "{estimate:?}: an occluder without a key is behind all");
+        }
+    }
+}

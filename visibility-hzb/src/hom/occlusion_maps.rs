@@ -328,3 +328,70 @@ impl OcclusionMap for Hom {
         self.raster.reset();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Pose, scene::Boxes64};
+
+    /// Boxes that are inverted along one axis, or have a side that is no number, are visible wherever they
+    /// are: behind a wall that hides the proper box, and outside of the view.
+    #[test]
+    fn improper_boxes_are_visible() {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, 900.0).unwrap();
+        let mut hom = Hom::new(64, 36).unwrap();
+        hom.begin(&view, DVec3::ZERO);
+        let wall = Aabb::from_arrays([5.0, -40.0, -40.0], [5.2, 40.0, 40.0]);
+        hom.add(&OccluderMesh::cuboid(&wall).unwrap(), &Affine3A::IDENTITY);
+        hom.flush();
+        for at in [[8.0, 0.0, 0.0], [-8.0, 0.0, 0.0], [8.0, 900.0, 0.0]] {
+            let min = Vec3::from_array(at);
+            let own = Aabb { min, max: min + 0.25 };
+            assert_eq!(hom.test(&own), Occlusion::Hidden, "a proper box at {min}");
+            for (axis, side) in (0..3).flat_map(|axis| [-1.0, f32::NAN].map(|side| (axis, side))) {
+                let mut wrong = own;
+                wrong.max[axis] = wrong.min[axis] + side;
+                assert_eq!(hom.test(&wrong), Occlusion::Visible, "{wrong:?}");
+                let mut boxes = Boxes64::EMPTY;
+                boxes.set(3, &wrong);
+                let answer = hom.test_64(&boxes, 1 << 3);
+                assert_eq!((answer.hidden, answer.visible), (0, 1 << 3), "{wrong:?} among 64");
+            }
+        }
+    }
+
+    /// A box that reaches behind the eye has no bounds on the screen, and is not hidden. An occluder that
+    /// does covers pixels at its far end, which a box may be before, whatever the estimate of depth.
+    #[test]
+    fn boxes_through_the_plane_of_the_eye_are_not_hidden_and_hide_at_their_far_ends() {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 16.0 / 9.0, 0.1, 900.0).unwrap();
+        // A wall before the right part of the picture, and a long one through the plane of the eye that is
+        // seen at a slant in the left part.
+        let right = Aabb::from_arrays([5.0, -40.0, -40.0], [5.2, 0.2, 40.0]);
+        let left = Aabb::from_arrays([-1.0, 3.0, -500.0], [300.0, 4.0, 500.0]);
+        for estimate in [DepthEstimate::Plane, DepthEstimate::Buffer, DepthEstimate::NoBackground] {
+            let mut hom = Hom::new(128, 72).unwrap();
+            hom.boundary.set(estimate);
+            hom.begin(&view, DVec3::ZERO);
+            for wall in [right, left] {
+                hom.add(&OccluderMesh::cuboid(&wall).unwrap(), &Affine3A::IDENTITY);
+                hom.flush();
+            }
+            let answer = |min: [f32; 3], max: [f32; 3]| hom.test(&Aabb::from_arrays(min, max));
+            let before_left = answer([20.0, 1.0, -0.5], [21.0, 1.5, 0.5]);
+            assert_ne!(before_left, Occlusion::Hidden, "{estimate:?}: a box before the far end of a wall");
+            let around_eye = answer([-1.0, -1.0, -1.0], [9.0, 1.0, 1.0]);
+            assert_ne!(around_eye, Occlusion::Hidden, "{estimate:?}: a box around the eye");
+            if estimate == DepthEstimate::NoBackground {
+                let behind = [
+                    answer([8.0, -1.0, -0.5], [9.0, -0.5, 0.5]),
+                    answer([80.0, 40.0, -0.5], [81.0, 41.0, 0.5]),
+                ];
+                assert_eq!(behind, [Occlusion::Hidden; 2], "boxes behind the walls");
+            }
+        }
+    }
+}

@@ -160,6 +160,11 @@ mod tests {
             !thresholds.is_fine() && !thresholds.all_opaque(),
             "a threshold of 0.75 allows holes, in whole tiles alone"
         );
+        let mut thresholds = Thresholds::OPAQUE;
+        thresholds.set(0, 0.5);
+        assert!(thresholds.get(0) == 1.0 && thresholds.all_opaque(), "the threshold of pixels stays");
+        thresholds.set(1, 0.5);
+        assert!(thresholds.get(1) == 0.5 && thresholds.is_fine(), "that of the next level does not");
         assert_eq!(
             Thresholds::from_tile_threshold(-3.0).need(TILE, 64),
             1,

@@ -215,6 +215,31 @@ mod tests {
         assert!(more > 500, "the threshold does something: {more}");
     }
 
+    /// A tile is opaque from the number of pixels on that the threshold asks for. Levels end with one texel,
+    /// also if the picture is a single column or row of tiles.
+    #[test]
+    fn texels_are_opaque_from_their_threshold_on() {
+        for picture in [[16, 16], [8, 64], [64, 8], [8, 8], [70, 30]] {
+            let opacity = OpacityPyramid::new(picture);
+            let sizes: Vec<_> = opacity.levels.iter().map(|level| [level.columns, level.rows]).collect();
+            let mut size = picture.map(|side| side.div_ceil(SIDE));
+            for own in &sizes {
+                assert_eq!(*own, size, "texels of a level of {picture:?}");
+                size = size.map(|side| side.div_ceil(2));
+            }
+            assert_eq!(sizes.iter().filter(|&&own| own == [1, 1]).count(), 1, "levels of {picture:?}");
+        }
+        let whole = Rectangle { columns: [0, 8], lines: [0, 8] };
+        for count in 30..35 {
+            let mut tiles = Tiles::new(16, 16);
+            tiles.cover(0, (1 << count) - 1, 1.0, 0);
+            let mut opacity = OpacityPyramid::new([16, 16]);
+            opacity.update(&tiles, &TileRange([0, 1, 0, 1]));
+            opacity.set(Thresholds::from_tile_threshold(0.5));
+            assert_eq!(is_opaque(&opacity, &whole, true), count >= 32, "{count} pixels of 64");
+        }
+    }
+
     #[test]
     fn fine_texels_with_few_holes_count_as_opaque() {
         let mut tiles = Tiles::new(16, 16);

@@ -3,10 +3,11 @@
 use super::clip::{ClipScratch, End};
 use super::edges::Edges;
 use super::fill::FillScratch;
-use super::frame::{LevelFrame, MAX_BEND_PX, MAX_ERROR_PX, MIN_PARALLEL_COSINE};
+use super::frame::{LevelFrame, MAX_BEND_PX, MAX_ERROR_PX};
 use super::open_tiles::{BARELY_NEARER, DepthBound, TileKeys};
 use super::prepared::{BoxLanes, NO_EDGE, Polygons, PreparedEdge, PreparedLevel};
 use super::seams::Seams;
+use super::slab::{depth_plane, faces_eye, far_side, is_beyond_window};
 use super::vertices::Vertices;
 use crate::Coverage;
 use crate::buffer::tile_layout::{Rectangle, SIDE};
@@ -14,16 +15,13 @@ use crate::buffer::tiles::Tiles;
 use crate::lanes::{WIDTH, bits, greatest, least};
 use crate::query::box_projection::project;
 use crate::rounding::down;
-use crate::setup::depth_plane::plane;
-use crate::setup::screen_projection::U;
-use crate::setup::screen_shape::tile_minimum_plane;
 use crate::simd_dispatch::Kernels;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use visibility_core::Aabb;
 use visibility_core::glam::DVec3;
 use visibility_core::simd::Simd;
-use visibility_occluders::{OccluderCluster, OccluderPolygon};
+use visibility_occluders::OccluderCluster;
 
 /// Work of testing whether a cluster may be seen. The unit of work is the time to draw one triangle, a tenth
 /// of a microsecond. This constant and the next three are measured.
@@ -408,89 +406,4 @@ fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], 
     let (Some(columns), Some(lines)) = (range(0), range(1)) else { return false };
     let Some(rectangle) = (Rectangle { columns, lines }).within_columns(frame.columns) else { return false };
     !frame.perspective || simd.rectangle_may_be_seen(tiles, &rectangle, 1.0 / (BARELY_NEARER * w))
-}
-
-/// Returns the coordinate, along a polygon's normal, of the far side of the polygon's slab. The slab is the
-/// layer that holds the polygon's vertices; its far side is the one away from the eye. `None` if the polygon
-/// does not occlude from the side on which the eye is, if the eye is in the slab, or if rays may meet the
-/// slab before the near plane.
-#[inline(always)]
-fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<f64> {
-    let [low, high] = polygon.extent;
-    let along = polygon.normal.dot(frame.eye);
-    let thickness = high - low;
-    if !frame.perspective {
-        let back = along > 0.0;
-        let seen = along.abs() > MIN_PARALLEL_COSINE && (polygon.two_sided || !back);
-        let far = if back { high } else { low };
-        let before_near = thickness > frame.most_flattened && !is_beyond_window(frame, polygon, far);
-        return (seen && !before_near).then_some(far);
-    }
-    let margin = 16.0 * U * polygon.normal.abs().dot(frame.eye.abs());
-    let front = along > high;
-    let (far, beside) = if front { (low, along - high) } else { (high, low - along) };
-    let seen = beside > margin && (polygon.two_sided || front);
-    // Every ray then meets a face at no less than half the distance of the slab's far side, or beyond the
-    // window, and so beyond the near plane.
-    (seen && (beside > thickness + margin || is_beyond_window(frame, polygon, far))).then_some(far)
-}
-
-/// Returns 1 if the eye is in front of a polygon's slab (the layer that holds its vertices), -1 if behind it.
-/// `far` is the coordinate along `normal` of the slab's far side.
-#[inline(always)]
-fn eye_side(frame: &LevelFrame, normal: DVec3, far: f64) -> f64 {
-    let along = normal.dot(frame.eye);
-    let front = if frame.perspective { along > far } else { along < 0.0 };
-    if front { 1.0 } else { -1.0 }
-}
-
-/// Returns whether all of a polygon's slab (the layer that holds its vertices) is certainly beyond the eye's
-/// window, a rectangle across the picture: see [`LevelFrame::window`]. If true, every point of the slab in
-/// the picture is so far from the eye that outlines are not cut there. `far` is the coordinate along the
-/// polygon's normal of the slab's far side.
-#[inline(always)]
-fn is_beyond_window(frame: &LevelFrame, polygon: &OccluderPolygon, far: f64) -> bool {
-    let (normal, anchor) = (polygon.normal, frame.projection.anchor);
-    let side = eye_side(frame, normal, far);
-    let near_side = if side > 0.0 { polygon.extent[1] } else { polygon.extent[0] };
-    frame.window.is_some_and(|window| {
-        window.iter().all(|&point| {
-            let margin = 16.0 * U * (normal.abs().dot(anchor.abs() + point.abs()) + near_side.abs());
-            side * (normal.dot(anchor) + normal.dot(point) - near_side) > margin
-        })
-    })
-}
-
-/// Returns whether the eye is certainly in front of all faces of a polygon. `middle` and `radius` are the
-/// middle and radius of a ball around the vertices of its outline.
-#[inline(always)]
-fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: DVec3, radius: f64) -> bool {
-    let [low, high] = polygon.extent;
-    // Square of the sine of the greatest angle between the normal and those of faces.
-    let sine_squared = 1.0 - polygon.min_cosine * polygon.min_cosine + 1e-12;
-    let along = polygon.normal.dot(frame.eye);
-    // Height of the eye above the polygon's slab (the layer that holds its vertices), and an upper bound on
-    // its distance from points of the polygon's faces.
-    let (height, distance) = if frame.perspective {
-        (along - high, (frame.eye - middle).length() + radius + 2.0 * (high - low))
-    } else {
-        (-along, 1.0)
-    };
-    height > 0.0 && height * height > sine_squared * distance * distance * (1.0 + 1e-5)
-}
-
-/// Returns the plane of least depth keys of a polygon, as a function of tile column and tile row: the key of
-/// points whose coordinate along `normal` is `far`. The plane is computed from three points near the ball
-/// around the polygon's vertices with the given middle and radius.
-fn depth_plane(frame: &LevelFrame, normal: DVec3, middle: DVec3, radius: f64, far: f64) -> [f32; 3] {
-    let axis = normal.abs().min_position();
-    let across = normal.cross(DVec3::AXES[axis]).normalize_or_zero() * radius;
-    let along = normal.cross(across);
-    // By rounding, a point whose coordinate along the normal should be `far` may miss that coordinate by a
-    // few roundings.
-    let rounding = 16.0 * f64::EPSILON * (normal.abs().dot(middle.abs()) + far.abs() + radius);
-    let foot = middle + normal * (far - eye_side(frame, normal, far) * rounding - normal.dot(middle));
-    let corners = [foot, foot + across, foot + along].map(|p| frame.object.at(p.to_array()));
-    let plane = plane(corners.each_ref(), &frame.object, &frame.projection, &frame.plane_errors);
-    tile_minimum_plane(plane, frame.projection.size)
 }

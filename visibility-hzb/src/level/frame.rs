@@ -249,7 +249,7 @@ mod tests {
                 * DVec3::from(projection.rows[2].linear).length();
             let least_w = if is_narrow { 0.0 } else { w * random(0.1, 1.1) };
             if !is_narrow {
-                let most = [w * random(0.0, 0.6), w * random(0.0, 0.6), w * random(0.0, 4e-3)];
+                let most = [w * random(0.0, 1.2), w * random(0.0, 1.2), w * random(0.0, 4e-3)];
                 projection.rows.iter_mut().zip(most).for_each(|(row, error)| row.error = error);
                 projection.near.error = least_near * random(0.0, 0.6);
             }

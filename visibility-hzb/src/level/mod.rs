@@ -81,6 +81,7 @@ mod open_tiles;
 mod outline_rule;
 mod prepared;
 mod seams;
+mod slab;
 mod vertices;
 mod window;
 

@@ -48,7 +48,9 @@ impl Walk {
             rest = others;
             let triangles = || own.iter().map(|(_, triangle)| triangle);
             if !own.is_empty() {
-                let backs = eye_side == EyeSide::Unknown && frame.frustum.sees_backs(triangles());
+                let backs = eye_side == EyeSide::Unknown
+                    && frame.frustum.sees_backs(triangles())
+                    && frame.scene.triangles(id).is_ok_and(|all| all.has_certain_fronts());
                 if backs || frame.frustum.is_outside(triangles(), crossed) {
                     continue;
                 }

@@ -434,6 +434,12 @@ mod tests {
             assert!(is_refused, "a tolerance of {tolerance}");
         }
         assert!(matches!(rooms(f64::NAN), Err(SceneCellsError::Tolerance(_))), "a tolerance of NaN");
+        // The corners of the door, 2.8 apart, may be off by the tolerance, so that its plane tilts by 2.8
+        // tolerances. Points of a room, up to 11.5 from the door, may then be off by 34.5 tolerances: 2.07,
+        // which is more than the 1.5 by which both rooms reach across the plane, and half of it is less.
+        assert!(rooms(0.06).is_ok(), "rooms that reach across by less than the tolerance allows");
+        let is_refused = matches!(rooms(0.03), Err(SceneCellsError::Graph(_)));
+        assert!(is_refused, "rooms that reach across by more than the tolerance allows");
         let mut cells = rooms(0.1).unwrap();
         let mirror = cells.graph.portals()[0].polygon().clone();
         cells.add_mirror(CellId(0), &mirror).unwrap();
