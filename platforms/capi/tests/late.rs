@@ -154,6 +154,12 @@ fn cells_of_a_scene_have_walls_only_where_an_occluder_is_always_drawn() {
     }
 }
 
+/// Triangles of a box whose corners have the bits of their numbers as coordinates.
+const CUBOID: [u32; 36] = [
+    0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7,
+    5,
+];
+
 #[test]
 fn cells_of_a_scene_hide_what_is_behind_its_walls() {
     let (scene, _) = street(9.0);
@@ -170,10 +176,6 @@ fn cells_of_a_scene_hide_what_is_behind_its_walls() {
     let lamp_desc = vis_object_default(lamp_box);
     let corners: Vec<f32> =
         (0..8).flat_map(|i| [1, 2, 4].map(|axis| if i & axis == 0 { -3.0 } else { 3.0 })).collect();
-    let indices: [u32; 36] = [
-        0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3,
-        7, 5,
-    ];
     let view = look_from([0.0; 3], 0.0);
     for (is_two_sided, is_hidden) in [(true, true), (false, false)] {
         let pipeline = make(vis_pipeline_create);
@@ -185,7 +187,7 @@ fn cells_of_a_scene_hide_what_is_behind_its_walls() {
                 room,
                 corners.as_ptr(),
                 8,
-                indices.as_ptr(),
+                CUBOID.as_ptr(),
                 12,
                 is_two_sided,
                 &raw mut mesh,
@@ -233,6 +235,19 @@ fn cells_of_a_scene_leave_slots_open_that_f32_would_close() {
             ok(vis_scene_set_mesh(scene, wall, mesh, transform));
         }
     }
+    // A hall around both, so that the eye is in a cell.
+    let hall = vis_box { min: [-20.0, -100.0, -100.0], max: [20.0, 100.0, 100.0] };
+    let desc = vis_object_desc { flags: VIS_OBJECT_OCCLUDER, ..vis_object_default(hall) };
+    let corners: Vec<f32> = (0..8)
+        .flat_map(|i| [0, 1, 2].map(|k| if i >> k & 1 == 0 { hall.min[k] } else { hall.max[k] }))
+        .collect();
+    let (mut walls, mut mesh) = (VIS_NO_OBJECT, 0);
+    // SAFETY: handles are live, and lists are as long as said.
+    unsafe {
+        ok(vis_scene_insert(scene, &raw const desc, &raw mut walls));
+        ok(vis_scene_add_mesh(scene, corners.as_ptr(), 8, CUBOID.as_ptr(), 12, true, &raw mut mesh));
+        ok(vis_scene_set_mesh(scene, walls, mesh, null()));
+    }
     let (mut cells, pipeline) = (null_mut(), make(vis_pipeline_create));
     // SAFETY: handles are live.
     unsafe {
@@ -241,6 +256,6 @@ fn cells_of_a_scene_leave_slots_open_that_f32_would_close() {
     }
     let view = look_from([0.0, 0.5, 0.0], 0.0);
     assert!(sees(pipeline, scene, view, lamp), "a lamp behind a slot of a metre");
-    let aside = look_from([0.0, -50.0, 0.0], 0.0);
+    let aside = look_from([0.0, -50.0, 0.0], 1.37);
     assert!(!sees(pipeline, scene, aside, lamp), "a lamp behind the first wall");
 }
