@@ -215,6 +215,23 @@ fn an_edge_beside_a_hole_hides_nothing_exactly_at_its_end() {
 }
 
 #[test]
+fn an_edge_beside_a_hole_hides_nothing_at_its_end_on_a_diagonal() {
+    // A triangle that touches the diagonal in one corner, on either side of it; and both, which close it.
+    let sides = [vec![[1, 2], [2, 2], [2, 3]], vec![[2, 1], [2, 2], [3, 2]]];
+    for (raised, is_seen) in [(sides[0].clone(), true), (sides[1].clone(), true), (sides.concat(), false)] {
+        let mut heights = [[f64::NAN; 5]; 5];
+        for &[row, column] in &raised {
+            heights[row][column] = 10.0;
+        }
+        (heights[0][0], heights[4][4]) = (0.0, 1.0);
+        let raster = HeightRaster::new(heights.as_flattened(), 5, 5, [1.0, 1.0]).expect("a raster");
+        let mut visible = [false; 25];
+        Viewshed::new().look(&raster, &Observer::new(0.0, 0.0), &mut visible).expect("over the raster");
+        assert_eq!(visible[4 * 5 + 4], is_seen, "behind {raised:?}");
+    }
+}
+
+#[test]
 fn directions_to_the_end_of_an_edge_beside_a_hole_may_round_either_way() {
     // The line of sight to the last sample passes exactly over the end (1, 3) of an edge, since the column of
     // the eye is three times its row: (1 - q) / (3 - 3 q) = (2 - q) / (6 - 3 q).

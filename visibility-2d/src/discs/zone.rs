@@ -134,10 +134,12 @@ impl DiscZone {
         self.queue.clear();
         let Some(top) = discs.levels.len().checked_sub(1) else { return };
         // A disc in range has a nearest point at `d - r <= range`, so its power is at most `range (range + 2
-        // r)`, and wrong by `4u (d^2 + r^2)`. What contains the eye is in any range.
+        // r)`, and wrong by `4u (d^2 + r^2)`, or by underflow. A disc that contains the eye is in any range.
         let widest = f64::from(discs.levels[top][0].radius);
         let reach = range + widest;
-        let farthest = range * (range + 2.0 * widest) * (1.0 + ROUNDING) + ROUNDING * (reach * reach);
+        let farthest = range * (range + 2.0 * widest) * (1.0 + ROUNDING)
+            + ROUNDING * (reach * reach)
+            + f64::MIN_POSITIVE;
         self.queue.push(Reverse((0, (top as u32) << INDEX_BITS)));
         while let Some(Reverse((power, code))) = self.queue.pop() {
             if self.gaps.is_closed() || f64::from_bits(power) > farthest {
@@ -210,7 +212,7 @@ impl DiscZone {
             return;
         }
         let reach = (range + disc.radius) * (1.0 + ROUNDING);
-        if squared <= reach * reach {
+        if squared <= reach * reach + f64::MIN_POSITIVE {
             seen.push(discs.indices[index]);
         }
         // A disc that contains an eye of the ball hides nothing.

@@ -219,7 +219,7 @@ mod tests {
     fn open_solids_hide_from_eyes_above_their_bottom() {
         for (eye, own) in [(0.0, 0.0), (0.05, 0.0), (0.0, 0.05), (0.05, 0.05)] {
             for (below, is_hidden) in
-                [(0.0, false), (0.9 * (eye + own), false), (0.01 + 2.1 * (eye + own), true)]
+                [(0.0, false), (1.9 * (eye + own), false), (0.01 + 2.1 * (eye + own), true)]
             {
                 let mut horizon = horizon();
                 horizon.frame.error = eye;

@@ -5,6 +5,7 @@ use super::frame::UpAxis;
 use crate::cdt::predicates::{MAX_MAGNITUDE, MIN_MAGNITUDE, orient};
 use alloc::vec;
 use alloc::vec::Vec;
+use visibility_core::geometry::keeps_orientation;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::union_find::root;
 use visibility_core::{Aabb, ObjectId, Scene};
@@ -81,12 +82,7 @@ pub(super) fn triangles_that_face_up(scene: &Scene, up: UpAxis) -> (Vec<GroundOb
         if mesh.is_convex() {
             continue;
         }
-        // Whether the transform certainly keeps the front of triangles on the side from which they are
-        // counter-clockwise.
-        let m = transform.matrix3;
-        let volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
-        let keeps_fronts = m.determinant() > 1e-4 * volume;
-        if !(keeps_fronts || mesh.is_two_sided()) {
+        if !(mesh.is_two_sided() || keeps_orientation(transform) == Some(true)) {
             continue;
         }
         // Triangles join at vertices whose world coordinates are bit-identical. A key is these coordinates if
@@ -234,6 +230,21 @@ mod tests {
         let mesh = scene.add_mesh(mesh);
         scene.set_mesh(id, mesh, transform).unwrap();
         scene
+    }
+
+    /// The determinant of the transform underflows at the least scales, and overflows at the greatest.
+    #[test]
+    fn fronts_are_those_of_the_transform_at_all_scales() {
+        let axes = [[-4.0, 1.0, 0.0], [0.0, 2.0, 3.0], [-2.0, 1.0, 1.0]].map(Vec3::from_array);
+        for scale in [-51, -40, 0, 20, 44, 60].map(|power| 2f32.powi(power)) {
+            for (turn, expected) in [(1.0, 0), (-1.0, 1)] {
+                let [x, y, z] = axes.map(|axis| axis * scale);
+                let transform = Affine3A::from_mat3(Mat3::from_cols(x, y, z * turn));
+                let corners = [Vec3::ZERO, Vec3::Y / scale, Vec3::X / scale];
+                let found = triangles_that_face_up(&scene(&[corners], false, transform), UpAxis::Z).1.len();
+                assert_eq!(found, expected, "the third axis turned by {turn}, scale {scale:e}");
+            }
+        }
     }
 
     /// Triangles that face up are found; those that face down only if they are two-sided, and then turned;

@@ -25,7 +25,7 @@ pub(super) struct Segment {
     lowered: f64,
 }
 
-/// Upper envelope over the directions from -1 to 1.
+/// Upper envelope over the directions from -[`REACH`] to [`REACH`].
 #[derive(Clone, Debug, Default)]
 pub(super) struct Envelope {
     /// First direction and line of each piece, by direction. A piece ends where the next begins.
@@ -39,6 +39,11 @@ pub(super) struct Envelope {
 /// in the last place. A slope along the line adds the roundings of two differences, a quotient, a product and
 /// a sum.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
+
+/// Greatest direction of an envelope. Those of a quarter are up to 1. A line of sight in a corner direction of
+/// the quarter may pass over the end of an edge whose other side is a hole in the next quarter: the envelope
+/// tells up to there, and beyond by more than the rounding of directions.
+pub(super) const REACH: f64 = 1.0 + 32.0 * f64::EPSILON;
 
 impl Line {
     const NOTHING: Self = Self { from: 0.0, at: f64::NEG_INFINITY, rise: 0.0 };
@@ -76,7 +81,7 @@ impl Envelope {
     /// Removes all segments.
     pub(super) fn clear(&mut self) {
         self.pieces.clear();
-        self.pieces.push((-1.0, Line::NOTHING));
+        self.pieces.push((-REACH, Line::NOTHING));
     }
 
     /// Adds segments that come by direction and do not overlap. What an end that rounding has put before the
@@ -85,12 +90,12 @@ impl Envelope {
     pub(super) fn add(&mut self, segments: impl Iterator<Item = Segment>) {
         let Self { pieces, merged } = self;
         merged.clear();
-        let end_of = |piece: usize| pieces.get(piece + 1).map_or(1.0, |next: &(f64, Line)| next.0);
+        let end_of = |piece: usize| pieces.get(piece + 1).map_or(REACH, |next: &(f64, Line)| next.0);
         // The piece at the beginning of the segment; up to which direction the envelope is merged; and the
         // piece there.
-        let (mut at, mut done, mut rest) = (0, -1.0, 0);
+        let (mut at, mut done, mut rest) = (0, -REACH, 0);
         for segment in segments {
-            let (start, end) = (segment.a.0.max(done), segment.b.0.min(1.0));
+            let (start, end) = (segment.a.0.max(done), segment.b.0.min(REACH));
             if start >= end {
                 continue;
             }

@@ -130,6 +130,9 @@ impl Observer {
         let far = far.into_iter().chain([(raster.rows() - 1, raster.columns() - 1)]);
         let far =
             far.map(|(row, column)| self.squared_distance(raster.cell(), row, column)).fold(0.0, f64::max);
+        // Samples beyond the greatest distance do not count, but those below the eye do.
+        let [down, across] = raster.cell();
+        let far = far.min(self.max_distance * self.max_distance).max(down * down + across * across);
         let lowered_by = if self.curvature == 0.0 { 0.0 } else { self.curvature.abs() * far };
         let mut eye = Eye { height: self.height, magnitude: self.height + lowered_by };
         for ([r, c], share) in [([0, 0], 1.0 - along), (side, along - on), ([1, 1], on)] {

@@ -1,6 +1,6 @@
 //! The sweep of a viewshed: four quarters of the plan, each column by column away from the eye.
 
-use super::envelope::{Envelope, Segment};
+use super::envelope::{Envelope, REACH, Segment};
 use super::observer::{Eye, Observer};
 use super::raster::{HeightRaster, ViewshedError};
 use alloc::vec::Vec;
@@ -139,8 +139,9 @@ impl Viewshed {
         let sample = |along: usize, across: usize| {
             if quarter.along_row { (across, along) } else { (along, across) }
         };
-        // Distances round by 2 epsilon, their squares by 3.5: a sample at just the greatest distance is seen.
-        let reach = observer.max_distance() * (1.0 + 2.0 * f64::EPSILON);
+        // Squares of distances round by up to 3 epsilon, and that of this distance by 1: a sample at just the
+        // greatest distance is seen.
+        let reach = observer.max_distance() * (1.0 + 4.0 * f64::EPSILON);
         // Products of the least numbers underflow.
         let rounding_of_eye = ROUNDING * eye.magnitude + f64::MIN_POSITIVE;
         self.skyline.clear();
@@ -279,7 +280,7 @@ fn checked<T: Copy + Into<f64>>(
 fn beside_eye(start: [f64; 3], end: [f64; 3], rounding_of_eye: f64) -> Option<Segment> {
     let (mut low, mut high) = (0.0_f64, 1.0_f64);
     for side in [1.0, -1.0] {
-        let (from, to) = (start[0] + side * start[1], end[0] + side * end[1]);
+        let (from, to) = (REACH * start[0] + side * start[1], REACH * end[0] + side * end[1]);
         if from < 0.0 && to < 0.0 {
             return None;
         }

@@ -200,8 +200,9 @@ impl Frame<'_> {
                     && object.layers & self.view.layers() != 0
                     && self.visible.contains(self.scene, id) =>
             {
-                let is_known = self.scene.triangles(id).is_ok_and(|triangles| triangles.has_certain_fronts());
-                let occluder = self.scene.can_occlude(id) && (is_known || !object.one_sided);
+                let is_known = !object.one_sided
+                    || self.scene.triangles(id).is_ok_and(|triangles| triangles.has_certain_fronts());
+                let occluder = self.scene.can_occlude(id) && is_known;
                 let surface = Surface { occluder, one_sided: object.one_sided && is_known };
                 ObjectState::Hidden { surface, glimpsed: false }
             }

@@ -23,12 +23,14 @@ pub fn keeps_orientation(transform: &Affine3A) -> Option<bool> {
     sign_of_volume(axes.map(|axis| DVec3::from_array(axis.to_array().map(f64::from))))
 }
 
-/// Returns what [`keeps_orientation`] does, for a matrix in `f64`. Axes are divided by their greatest
-/// coordinates before, so that their product neither overflows nor underflows.
+/// Returns what [`keeps_orientation`] does, for a matrix in `f64`. Where the volume of its axes might overflow or
+/// underflow, they are divided by their greatest coordinates before.
 #[inline]
 pub(crate) fn keeps_orientation_64(matrix: &DMat3) -> Option<bool> {
     let axes = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
-    sign_of_volume(axes.map(|axis| axis / axis.abs().max_element()))
+    let lengths = axes.map(|axis| axis.abs().max_element());
+    let is_usual = lengths.iter().all(|length| (1e-60..1e60).contains(length));
+    sign_of_volume(if is_usual { axes } else { axes.map(|axis| axis / axis.abs().max_element()) })
 }
 
 /// Returns whether the volume spanned by three axes is positive. `None` if rounding leaves its sign
