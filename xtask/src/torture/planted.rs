@@ -13,12 +13,12 @@ const FAULTS: &str = "xtask/faults.txt";
 /// Seeds with which a test runs before a fault counts as not noticed.
 const SEEDS: u64 = 20;
 
-/// Plants each fault of [`FAULTS`] that has `only` in its line, prints how many trials its test needs to
-/// fail, and returns the number of faults that no trial noticed.
-pub(super) fn check(root: &Path, only: &str) -> Result<usize, String> {
-    let path = root.join(FAULTS);
-    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-    let mut by_package: BTreeMap<String, Vec<(String, Mutant)>> = BTreeMap::new();
+/// Faults by package, each with its test.
+type ByPackage = BTreeMap<String, Vec<(String, Mutant)>>;
+
+/// Reads the lines of `text` that contain `only`. `Err` with the first line that is about no place of the code.
+fn faults(root: &Path, text: &str, only: &str) -> Result<ByPackage, String> {
+    let mut by_package = ByPackage::new();
     for line in text.lines().filter(|line| !line.is_empty() && !line.starts_with('#') && line.contains(only))
     {
         let parts: Vec<&str> = line.split(" | ").collect();
@@ -31,6 +31,15 @@ pub(super) fn check(root: &Path, only: &str) -> Result<usize, String> {
             .ok_or_else(|| format!("{FAULTS}: {file}: {function} has no `{old}`"))?;
         by_package.entry(package.to_owned()).or_default().push((test.to_owned(), mutant));
     }
+    Ok(by_package)
+}
+
+/// Plants each fault of [`FAULTS`] that has `only` in its line, prints how many trials its test needs to
+/// fail, and returns the number of faults that no trial noticed.
+pub(super) fn check(root: &Path, only: &str) -> Result<usize, String> {
+    let path = root.join(FAULTS);
+    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let by_package = faults(root, &text, only)?;
     let mut missed = 0;
     for name in oracles(root)?.iter().filter(|name| name.contains(only)) {
         let has_fault =
@@ -70,4 +79,21 @@ pub(super) fn check(root: &Path, only: &str) -> Result<usize, String> {
         }
     }
     Ok(missed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{FAULTS, faults};
+    use std::path::Path;
+
+    #[test]
+    fn faults_are_about_places_of_the_code() -> Result<(), String> {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().ok_or("no folder around this crate")?;
+        let text = std::fs::read_to_string(root.join(FAULTS)).map_err(|error| error.to_string())?;
+        let count: usize = faults(root, &text, "")?.values().map(Vec::len).sum();
+        assert!(count > 100, "{count} faults");
+        let stale = "visibility-2d a::b | visibility-2d/src/lib.rs | none( | of no | place";
+        assert!(faults(root, stale, "").is_err(), "a line about no place");
+        Ok(())
+    }
 }
