@@ -120,6 +120,23 @@ impl<'a, T: Copy> Buffer<'a, T> {
     }
 }
 
+#[cfg(feature = "whole")]
+impl<T: Copy> Buffer<'_, T> {
+    /// Writes the number of results. Makes and writes the results if the buffer has room for all of them:
+    /// `make` returns `count` results. The buffer is unchanged until `make` has returned.
+    ///
+    /// # Errors
+    /// `VIS_ERROR_TOO_SHORT` if the results do not fit; they are then not made.
+    pub(crate) fn fill_with(self, count: usize, make: impl FnOnce() -> Vec<T>) -> Result<(), Error> {
+        let Some(start) = self.room(count)? else { return Ok(()) };
+        for (place, item) in make().into_iter().take(count).enumerate() {
+            // SAFETY: as in `fill`.
+            unsafe { start.add(place).write(item) }
+        }
+        Ok(())
+    }
+}
+
 /// Checks a buffer for results. A null pointer only asks for the number of results.
 ///
 /// # Safety
