@@ -430,8 +430,8 @@ enum vis_status vis_scene_set_mesh(struct vis_scene *scene,
                                    const float *transform);
 
 // Replaces the triangles of an object, 9 numbers each, in scene coordinates, for
-// `vis_scene_prepare_occluders`, `vis_scene_prove_from` and `vis_measure_compare`. An error if the object's bounds do not contain
-// them. The object loses its triangles when it moves.
+// `vis_scene_prepare_occluders`, `vis_scene_prove_from` and `vis_measure_compare`. An error if the object's
+// bounds do not contain them. The object loses its triangles when it moves.
 enum vis_status vis_scene_set_triangles(struct vis_scene *scene,
                                         uint64_t object,
                                         const float *triangles,

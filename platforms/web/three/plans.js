@@ -68,7 +68,8 @@ function boxOf(object) {
   updateWorld(object);
   const box = new Box3();
   object.traverse((part) => {
-    if (!part.geometry || isElsewhere(part)) return;
+    // A batch that was disposed of is not drawn.
+    if (!part.geometry || isElsewhere(part) || (part.isBatchedMesh && !hasInstances(part))) return;
     for (const bone of part.skeleton?.bones ?? []) if (bone) updateUpwards(bone);
     // `Box3.setFromObject` takes the box of bones and instances as they were when it was first asked for.
     const own = part.boundingBox === undefined ? part.geometry : part;
