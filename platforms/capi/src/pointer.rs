@@ -194,3 +194,32 @@ pub(crate) unsafe fn destroy<T>(handle: *mut T) {
         Ok(())
     });
 }
+
+#[cfg(all(test, feature = "whole"))]
+mod tests {
+    use super::*;
+    use crate::error::border;
+
+    #[test]
+    fn a_panic_amid_the_results_leaves_the_buffer_as_it_was() {
+        let mut words = [7_u32; 3];
+        let mut count = 0;
+        let mut fill = |capacity, make: fn() -> Vec<u32>| {
+            // SAFETY: both pointers are to memory of this test, and `capacity` is at most 3.
+            border(|| unsafe { buffer(words.as_mut_ptr(), capacity, &raw mut count) }?.fill_with(3, make))
+        };
+        assert_eq!(fill(3, || panic!("planted")), VIS_ERROR_PANIC, "a panic");
+        assert_eq!(
+            fill(2, || panic!("not asked")),
+            VIS_ERROR_TOO_SHORT,
+            "results that do not fit are not made"
+        );
+        assert_eq!(words, [7; 3], "the buffer after calls that failed");
+        let mut fill = |make: fn() -> Vec<u32>| {
+            // SAFETY: both pointers are to memory of this test.
+            border(|| unsafe { buffer(words.as_mut_ptr(), 3, &raw mut count) }?.fill_with(3, make))
+        };
+        assert_eq!(fill(|| vec![1, 2, 3]), VIS_OK, "results that fit");
+        assert_eq!((words, count), ([1, 2, 3], 3), "the results and their number");
+    }
+}

@@ -247,8 +247,8 @@ export interface Visibility {
    */
   createLevel(triangles: Numbers, options?: { twoSided?: boolean }): Level;
   /**
-   * Loads the occluders of a level from the `bytes` of another. Whether they are of the level as it is now is not
-   * checked: occluders of another level hide visible objects.
+   * Loads the occluders of a level from the `bytes` of another. The library cannot tell whether the bytes are of the
+   * level as it is now: occluders of another level hide visible objects. Throws "FORMAT" for bytes of anything else.
    */
   readLevel(bytes: Uint8Array): Level;
   /**
