@@ -51,8 +51,8 @@
 // be an occluder. Only the judge (`vis_measure_compare`), which draws triangles, uses this flag.
 #define VIS_OBJECT_SEE_THROUGH 4
 
-// Flag of an object whose triangles are drawn only from their front, as with backface culling. The judge and
-// bakes use this flag, and the version of a baked set depends on it. Occluder meshes made by
+// Flag of an object whose triangles are drawn only from their front, as with backface culling. The judge,
+// proofs and bakes use this flag, and the version of a baked set depends on it. Occluder meshes made by
 // `vis_scene_prepare_occluders` only occlude from the front, with or without this flag.
 #define VIS_OBJECT_ONE_SIDED 8
 
@@ -125,6 +125,17 @@ typedef enum vis_depth {
   VIS_DEPTH_REVERSED_INFINITE = 5,
 } vis_depth;
 
+// Kind of a light that casts shadows.
+typedef enum vis_light_kind {
+  // Parallel light, such as the sun. `direction` leads from lit points towards the light.
+  VIS_LIGHT_DIRECTIONAL = 0,
+  // Light in all directions from `position`, as far as `range`.
+  VIS_LIGHT_POINT = 1,
+  // Light from `position` within a cone around `direction`, which leads away from the light, as far as
+  // `range`.
+  VIS_LIGHT_SPOT = 2,
+} vis_light_kind;
+
 // Effect of a wall on lines of sight that cross it.
 typedef enum vis_opacity {
   // Lines of sight end at the wall: a solid wall, a closed door.
@@ -143,8 +154,8 @@ typedef struct vis_cells vis_cells;
 // Graph of convex cells and the portals between them. It never changes.
 typedef struct vis_graph vis_graph;
 
-// Occluders of a level: what hides of all its opaque triangles that stand still, joined into few large
-// polygons. They hide only what the triangles hide.
+// Occluders of a level: few large polygons, joined from the level's opaque triangles that stand still. The
+// polygons hide only what the triangles hide.
 typedef struct vis_level vis_level;
 
 // Software renderer that finds the objects with at least one visible pixel, for tests and tools, not for
@@ -317,7 +328,7 @@ typedef struct vis_light {
   uint32_t kind;
   // Position of a point or spot light.
   double position[3];
-  // Direction of a directional or spot light: any finite length but zero.
+  // Direction towards a directional light, or away from a spot light: any finite length but zero.
   double direction[3];
   // Distance beyond which a point or spot light casts no shadow: more than 0, may be infinite.
   double range;
@@ -419,8 +430,8 @@ enum vis_status vis_scene_set_mesh(struct vis_scene *scene,
                                    const float *transform);
 
 // Replaces the triangles of an object, 9 numbers each, in scene coordinates, for
-// `vis_scene_prepare_occluders` and `vis_measure_compare`. An error if the object's bounds do not contain
-// them. The object loses its triangles when it moves.
+// `vis_scene_prepare_occluders`, `vis_scene_prove_from` and `vis_measure_compare`. An error if the object's
+// bounds do not contain them. The object loses its triangles when it moves.
 enum vis_status vis_scene_set_triangles(struct vis_scene *scene,
                                         uint64_t object,
                                         const float *triangles,
@@ -777,8 +788,9 @@ enum vis_status vis_level_create(const float *triangles,
                                  bool two_sided,
                                  struct vis_level **level);
 
-// Loads the occluders of a level that `vis_level_write` or the programs wrote. Whether they are of the level
-// as it is now is not checked: occluders of another level hide visible objects.
+// Loads the occluders of a level from a file that `vis_level_write` or a program of the crates wrote. The
+// library cannot tell whether the file is of the level as it is now: occluders of another level hide visible
+// objects. Returns `VIS_ERROR_FORMAT` for bytes that are no such file.
 enum vis_status vis_level_read(const uint8_t *bytes, size_t length, struct vis_level **level);
 
 // Writes the occluders of a level as a file. A null or too short buffer is handled as in `vis_visible_ids`.
@@ -871,7 +883,8 @@ enum vis_status vis_plan_create(const struct vis_wall *walls, size_t wall_count,
 // Destroys a plan. Does nothing for a null pointer.
 void vis_plan_destroy(struct vis_plan *plan);
 
-// Sets the opacity, a `vis_opacity`, of a wall: a door that opens.
+// Sets the opacity, a `vis_opacity`, of a wall: a door that opens. Returns `VIS_ERROR_UNKNOWN_ID` for a wall
+// that the plan does not have.
 enum vis_status vis_plan_set_opacity(struct vis_plan *plan, uint32_t wall, uint32_t opacity_of_wall);
 
 // Writes whether the segment from point `a` to point `b`, 2 coordinates each, meets no wall that stops sight
@@ -905,8 +918,9 @@ enum vis_status vis_plan_visible_walls(const struct vis_plan *plan,
                                        size_t *count);
 
 // Writes the numbers of the walls that can be seen from somewhere in the convex hull of points, 2
-// coordinates each, ascending. The points are within the rectangle around the plan. Sight from within the
-// region, on its side of walls that cross it, is exact.
+// coordinates each, ascending. Sight from within the region, on its side of walls that cross it, is exact.
+// Returns `VIS_ERROR_ARGUMENT` if there is no point, if a point is outside the rectangle around the plan, or
+// if lines of sight enter more than 2^24 triangles of the plan.
 enum vis_status vis_plan_walls_seen_from_region(const struct vis_plan *plan,
                                                 const double *points,
                                                 size_t point_count,
@@ -1019,11 +1033,12 @@ enum vis_status vis_scene_in_box(const struct vis_scene *scene,
                                  size_t capacity,
                                  size_t *count);
 
-// Writes which objects can be seen from a box of the world, by a sweep of it over the occluders, their
-// meshes and flags as in a frame: bit `index % 32` of word `index / 32` is clear if the object is hidden
-// from all points of the box, and if there is no object of this index. `min` and `max` are the corners of
-// the box, 3 finite coordinates each. Conservative. Takes milliseconds to a second. A null or too short
-// `words` is handled as in `vis_visible_ids`; null takes no time.
+// Writes which objects can be seen from a box of the world. The box is swept over the occluder meshes of all
+// objects that have the flag `VIS_OBJECT_OCCLUDER`. Bit `index % 32` of word `index / 32` is clear if the
+// object is hidden from all points of the box, and if there is no object of this index. `min` and `max` are
+// the corners of the box, 3 finite coordinates each. Conservative for views that draw the layers of all
+// occluders. Takes milliseconds to a second. A null or too short `words` is handled as in `vis_visible_ids`;
+// null takes no time.
 enum vis_status vis_scene_seen_from(const struct vis_scene *scene,
                                     const double *min,
                                     const double *max,
@@ -1035,11 +1050,15 @@ enum vis_status vis_scene_seen_from(const struct vis_scene *scene,
 // triangles of `vis_scene_set_triangles`. Writes two bits for each index: bit `index % 32` of word `index /
 // 32` is set if a line of sight to the object was found; the bit in the second half of the words is set if
 // the object is proven hidden from all points of the box. Neither is set for objects that are not decided.
-// An object without triangles is its bounds: no line of sight to it is found, and it hides nothing. With a
-// `clearance` of 0, an object is hidden if every segment to it touches an occluder; with a clearance in
-// metres, also if gaps between occluders are narrower than 12 clearances. The work ends after `most_steps`
-// rays and pieces of searches, some microseconds each; 0 for no end, which may take minutes. A null or too
-// short `words` is handled as in `vis_visible_ids`; null takes no time.
+// An object that is never culled is never hidden. An object without triangles is its bounds: no line of
+// sight to it is found, and it hides nothing. With a `clearance` of 0, an object is hidden if every segment
+// to it touches an occluder; with a clearance in metres, also if gaps between occluders are narrower than 12
+// clearances. Hidden objects are so for views that draw the layers of all occluders.
+//
+// The search ends after `most_steps` steps; 0 for no end, which may take minutes. A step is a search node of
+// some microseconds, or at most 200 rays. Each call first collects all triangles of the scene, which
+// `most_steps` does not bound: it takes about 150 bytes of memory a triangle until the call ends. A null or
+// too short `words` is handled as in `vis_visible_ids`; null takes no time.
 enum vis_status vis_scene_prove_from(const struct vis_scene *scene,
                                      const double *min,
                                      const double *max,
@@ -1075,12 +1094,12 @@ enum vis_status vis_pipeline_add_horizon(struct vis_pipeline *pipeline, bool is_
 // that the view shows. The first stage of the pipeline that selects objects for the light's shadow map; the
 // view is the camera's, or that of one cascade, on the layers of all casters. No frustum stage belongs in
 // that pipeline, since casters may be outside the view. Conservative for shadows.
-enum vis_status vis_pipeline_add_casters(struct vis_pipeline *pipeline,
-                                         const struct vis_light *light_of_shadows);
+enum vis_status vis_pipeline_add_casters(struct vis_pipeline *pipeline, const struct vis_light *light);
 
 // Appends a z-buffer as `vis_pipeline_add_z_buffer` does, into which the occluders of a level are drawn,
 // beside those of the scene's objects. `origin` is the point of the world, 3 finite coordinates, that the
-// level's triangles are relative to. The level may be destroyed afterwards. Conservative.
+// level's triangles are relative to. The level may be destroyed afterwards. Conservative for views that draw
+// the whole level: its triangles have no layers.
 enum vis_status vis_pipeline_add_z_buffer_of_level(struct vis_pipeline *pipeline,
                                                    size_t width,
                                                    size_t height,

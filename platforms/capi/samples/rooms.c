@@ -102,6 +102,17 @@ int main(void) {
     check(vis_visible_count(visible, scene, &count));
     expect("by the baked set", count, 1);
 
+    /* What can throw a shadow of the sun, which stands at +y and +z, into the view. */
+    const vis_light sun = {.kind = VIS_LIGHT_DIRECTIONAL, .direction = {0.0, 1.0, 1.0}};
+    vis_pipeline *casters = NULL;
+    check(vis_pipeline_create(&casters));
+    check(vis_pipeline_add_casters(casters, &sun));
+    check(vis_pipeline_cull(casters, scene, view, visible, NULL));
+    check(vis_visible_count(visible, scene, &count));
+    expect("casters", count, 2);
+    vis_pipeline_destroy(casters);
+    check(vis_pipeline_cull(by_pvs, scene, view, visible, NULL));
+
     /* The judge draws triangles, finds that the table shows, and that the result has it. */
     const float front[9] = {6, 0.2f, 0, 6, 0.8f, 0, 6, 0.5f, 1};
     check(vis_scene_set_triangles(scene, table, front, 1));

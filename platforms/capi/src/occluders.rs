@@ -105,8 +105,8 @@ pub unsafe extern "C" fn vis_scene_set_mesh(
 }
 
 /// Replaces the triangles of an object, 9 numbers each, in scene coordinates, for
-/// `vis_scene_prepare_occluders` and `vis_measure_compare`. An error if the object's bounds do not contain
-/// them. The object loses its triangles when it moves.
+/// `vis_scene_prepare_occluders`, `vis_scene_prove_from` and `vis_measure_compare`. An error if the object's
+/// bounds do not contain them. The object loses its triangles when it moves.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_triangles(
     scene: *mut vis_scene,

@@ -120,6 +120,23 @@ impl<'a, T: Copy> Buffer<'a, T> {
     }
 }
 
+#[cfg(feature = "whole")]
+impl<T: Copy> Buffer<'_, T> {
+    /// Writes the number of results. Makes and writes the results if the buffer has room for all of them:
+    /// `make` returns `count` results. The buffer is unchanged until `make` has returned.
+    ///
+    /// # Errors
+    /// `VIS_ERROR_TOO_SHORT` if the results do not fit; they are then not made.
+    pub(crate) fn fill_with(self, count: usize, make: impl FnOnce() -> Vec<T>) -> Result<(), Error> {
+        let Some(start) = self.room(count)? else { return Ok(()) };
+        for (place, item) in make().into_iter().take(count).enumerate() {
+            // SAFETY: as in `fill`.
+            unsafe { start.add(place).write(item) }
+        }
+        Ok(())
+    }
+}
+
 /// Checks a buffer for results. A null pointer only asks for the number of results.
 ///
 /// # Safety
@@ -176,4 +193,33 @@ pub(crate) unsafe fn destroy<T>(handle: *mut T) {
         }
         Ok(())
     });
+}
+
+#[cfg(all(test, feature = "whole"))]
+mod tests {
+    use super::*;
+    use crate::error::border;
+
+    #[test]
+    fn a_panic_amid_the_results_leaves_the_buffer_as_it_was() {
+        let mut words = [7_u32; 3];
+        let mut count = 0;
+        let mut fill = |capacity, make: fn() -> Vec<u32>| {
+            // SAFETY: both pointers are to memory of this test, and `capacity` is at most 3.
+            border(|| unsafe { buffer(words.as_mut_ptr(), capacity, &raw mut count) }?.fill_with(3, make))
+        };
+        assert_eq!(fill(3, || panic!("planted")), VIS_ERROR_PANIC, "a panic");
+        assert_eq!(
+            fill(2, || panic!("not asked")),
+            VIS_ERROR_TOO_SHORT,
+            "results that do not fit are not made"
+        );
+        assert_eq!(words, [7; 3], "the buffer after calls that failed");
+        let mut fill = |make: fn() -> Vec<u32>| {
+            // SAFETY: both pointers are to memory of this test.
+            border(|| unsafe { buffer(words.as_mut_ptr(), 3, &raw mut count) }?.fill_with(3, make))
+        };
+        assert_eq!(fill(|| vec![1, 2, 3]), VIS_OK, "results that fit");
+        assert_eq!((words, count), ([1, 2, 3], 3), "the results and their number");
+    }
 }

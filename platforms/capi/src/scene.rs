@@ -45,8 +45,8 @@ pub const VIS_OBJECT_OCCLUDER: u32 = 2;
 /// be an occluder. Only the judge (`vis_measure_compare`), which draws triangles, uses this flag.
 pub const VIS_OBJECT_SEE_THROUGH: u32 = 4;
 
-/// Flag of an object whose triangles are drawn only from their front, as with backface culling. The judge and
-/// bakes use this flag, and the version of a baked set depends on it. Occluder meshes made by
+/// Flag of an object whose triangles are drawn only from their front, as with backface culling. The judge,
+/// proofs and bakes use this flag, and the version of a baked set depends on it. Occluder meshes made by
 /// `vis_scene_prepare_occluders` only occlude from the front, with or without this flag.
 pub const VIS_OBJECT_ONE_SIDED: u32 = 8;
 

@@ -56,3 +56,23 @@ fn every_exported_function_is_declared_and_called_by_a_test_or_sample() {
     }
     assert!(count > 100, "{count} functions");
 }
+
+#[test]
+fn every_name_in_the_header_is_declared() {
+    let header = made();
+    let is_comment = |line: &&str| line.trim_start().starts_with("//");
+    let code: String =
+        header.lines().filter(|line| !is_comment(line)).flat_map(|line| [line, "\n"]).collect();
+    let words = header.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
+    let is_name = |word: &&str| word.starts_with("vis_") || word.starts_with("VIS_") && !word.ends_with('_');
+    let mut names: std::collections::BTreeSet<_> = words.filter(is_name).collect();
+    // What writes the header is no name of the library.
+    names.remove("VIS_WRITE_HEADER");
+    for name in &names {
+        // Functions, structures, enumerations, enumerators and constants.
+        let forms = ["NAME(", "typedef struct NAME ", "typedef enum NAME ", "  NAME = ", "#define NAME "];
+        let is_declared = forms.iter().any(|form| code.contains(&form.replace("NAME", name)));
+        assert!(is_declared, "{name} is mentioned, and declared nowhere");
+    }
+    assert!(names.len() > 150, "{} names", names.len());
+}

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{make, ok, returns};
+use common::{make, message, ok, returns};
 use std::ptr::null_mut;
 use visibility::vis_status::*;
 use visibility::*;
@@ -140,6 +140,28 @@ fn a_region_sees_what_is_not_behind_the_wall_for_all_of_it() {
     assert_eq!(seen(min, max), [0b101], "from before the wall: all but the lamp behind it");
     assert_eq!(proven(min, max, 0), [0b101, 0b010], "seen by rays, and proven hidden");
     assert_eq!(proven(min, max, 1), [0b000, 0b000], "nothing is decided without work");
+    // Behind the wall, with triangles: an object that is never culled, and one with a box of NaN.
+    let never_culled = vis_object_desc {
+        flags: VIS_OBJECT_NEVER_CULL,
+        ..vis_object_default(vis_box { min: [9.0, -1.0, -1.0], max: [10.0, 1.0, 1.0] })
+    };
+    let improper = vis_object_default(vis_box { min: [f32::NAN; 3], max: [f32::NAN; 3] });
+    let (mut shown, mut id) = ([0; 2], 0);
+    let triangle: [f32; 9] = [9.0, -1.0, -1.0, 9.0, 1.0, -1.0, 9.0, 1.0, 1.0];
+    // SAFETY: handles are live, and arrays as long as said.
+    unsafe {
+        for desc in [never_culled, improper] {
+            ok(vis_scene_insert(scene, &raw const desc, &raw mut id));
+            ok(vis_scene_set_triangles(scene, id, triangle.as_ptr(), 1));
+            shown = [shown[1], id];
+        }
+    }
+    assert_eq!(seen(min, max), [0b11101], "objects that are never culled are seen");
+    assert_eq!(proven(min, max, 0), [0b00101, 0b00010], "objects that are never culled are not hidden");
+    for id in shown {
+        // SAFETY: the scene is live.
+        ok(unsafe { vis_scene_remove(scene, id) });
+    }
     let (min, max) = ([-1.0, -1.0, -1.0], [7.0, 1.0, 1.0]);
     assert_eq!(seen(min, max), [0b111], "from both sides of the wall");
     assert_eq!(proven(min, max, 0)[0], 0b111, "seen by rays from both sides of the wall");
@@ -291,6 +313,11 @@ fn the_occluders_of_a_level_hide_from_where_they_are() {
         ok(vis_scene_set_flags(scene, ids[0], 0));
         ok(vis_level_create(triangles.as_ptr().cast(), count, true, &raw mut level));
         let bytes = list(0, |to, room, count| vis_level_write(level, to, room, count));
+        let improper = [[0.0_f32; 9], [f32::NAN; 9]];
+        let mut refused = null_mut();
+        let status = vis_level_create(improper.as_ptr().cast(), 2, true, &raw mut refused);
+        returns(status, VIS_ERROR_ARGUMENT);
+        assert_eq!(message(), "triangle 1 is not finite", "message of a level that is refused");
         ok(vis_level_read(bytes.as_ptr(), bytes.len(), &raw mut again));
         returns(vis_level_read(bytes.as_ptr(), bytes.len() - 1, &raw mut again), VIS_ERROR_FORMAT);
         for level in [level, again] {

@@ -49,8 +49,8 @@ pub struct CardMap {
 }
 
 impl CardMap {
-    /// Creates a map of `width` by `height` pixels, at least 1 each. What the device has no room for is
-    /// halved on both sides until it has: a map of any size is as right, and a smaller one hides less.
+    /// Creates a map of `width` by `height` pixels, at least 1 each. Both sides of a map for which the device
+    /// has no room are halved until there is room. A map of any size is correct; a smaller map hides less.
     pub fn new(gpu: &Gpu, width: u32, height: u32) -> Self {
         let limits = gpu.device.limits();
         let size = fitting([width.max(1), height.max(1)], &limits);

@@ -15,7 +15,7 @@ use visibility_core::visible_set::BitsError;
 use visibility_core::{Aabb, Scene, VisibleSet};
 use wgpu::BufferUsages;
 
-/// Groups of 64 objects in a row of a dispatch, as in the shaders.
+/// Greatest number of groups of 64 objects in a row of a dispatch.
 const ROW: u32 = 65_535;
 
 /// Culls and draws in two phases, for pictures of one target.
@@ -60,7 +60,7 @@ impl TwoPhaseCuller {
         let [first_commands, second_commands] =
             ["first phase", "second phase"].map(|label| gpu.buffer(label, meshes.commands(), usage));
 
-        // A dispatch has at most 65,535 groups along each axis.
+        // A dispatch has at most 65,535 groups along each axis: the shaders count objects row by row.
         let groups = (count as u32).div_ceil(64);
         let each_object = [groups.min(ROW), groups.div_ceil(ROW).max(1)];
         let first_phase = gpu.shader("first phase", include_str!("shaders/first_phase.wgsl"));

@@ -1,7 +1,7 @@
 // The worker of `late.js`: follows the calls of a scene, culls for views with a reach, and finds what is hidden
 // from boxes.
 
-import { ALL_LAYERS, Flag, indexOf, load } from "./visibility.js";
+import { ALL_LAYERS, indexOf, load } from "./visibility.js";
 
 /** Culls of one view until the answer is kept: for the view itself, for its reach, and to see that it is. */
 const MOST_CULLS = 3;
@@ -163,15 +163,17 @@ export function serve(port, visibility) {
     if (calls.length > 0) scene.maintain();
     if (!ask) return;
     const start = performance.now();
+    // By a clear bit a region is hidden: it has no answer rather than one without bits.
+    const none = ask.what === "region" ? () => null : NO_ANSWER;
     let answer;
     try {
-      answer = isBroken ? NO_ANSWER() : answers[ask.what](ask);
+      answer = isBroken ? none() : answers[ask.what](ask);
     } catch (error) {
       refusals.push(error.message);
-      answer = NO_ANSWER();
+      answer = none();
     }
-    const milliseconds = performance.now() - start;
-    port.postMessage({ number: ask.number, refusals, milliseconds, ...answer }, [answer.bits.buffer]);
+    if (answer) answer.milliseconds = performance.now() - start;
+    port.postMessage({ number: ask.number, refusals, answer }, answer ? [answer.bits.buffer] : []);
     refusals = [];
   };
 }

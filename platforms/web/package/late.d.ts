@@ -11,7 +11,8 @@ export function startWorker(options?: { frames?: boolean }): Worker;
 /**
  * A scene that workers follow, with the methods of `Scene` that change it. It takes a new scene without objects, which
  * is then changed by these methods alone. Boxes are in `local`, for pipelines of this thread; occluder meshes are with
- * the workers alone, and so is what it takes to make them. `rebuild` and `maintain` are as in `Scene`. A mesh that the
+ * the workers alone, and so is what it takes to make them. `lacks(local)` of a pipeline therefore says "hzb: occluders
+ * with a mesh outside their bounds", of all of them. `rebuild` and `maintain` are as in `Scene`. A mesh that the
  * library refuses is told in `refusals`. An object that is given it hides nothing, and is placed as by any other mesh.
  */
 export interface LateScene
@@ -62,17 +63,21 @@ export interface LateScene
   ): void;
   /**
    * Asks worker `to` what is seen from a box: `bits` as of `Scene.seenFrom`, `seen` and `hidden` as of
-   * `Scene.proveFrom`, for the scene after `revision` calls.
+   * `Scene.proveFrom`, for the scene after `revision` calls. The answer is good while `holds(revision)`, for objects with
+   * `isSame(index, revision)`, and for cameras that see the layers of all occluders. `then` gets null if the worker
+   * cannot tell: it has failed, or was started with `frames`. `refusals` then says why.
    */
   ask(
     question: { what: "region"; min: Numbers; max: Numbers; clearance?: number; mostSteps?: number },
-    then: (answer: {
-      bits: Uint32Array;
-      seen: Uint32Array;
-      hidden: Uint32Array;
-      revision: number;
-      milliseconds: number;
-    }) => void,
+    then: (
+      answer: {
+        bits: Uint32Array;
+        seen: Uint32Array;
+        hidden: Uint32Array;
+        revision: number;
+        milliseconds: number;
+      } | null,
+    ) => void,
     to?: number,
   ): void;
   /** Whether all that hid others after `revision` calls still does. */

@@ -12,8 +12,8 @@
 import { ALL_LAYERS, Flag, indexOf } from "./visibility.js";
 
 /**
- * A triangle that hides nothing: it is out of the bounds of any object, and if it is within those of a sky, too small
- * for its distance to cover a pixel.
+ * A triangle that hides nothing. It is outside of the bounds of any object but a sky; then it is too small to cover a
+ * pixel, as seen by an eye within 1e17 metres of the origin.
  */
 const NO_SHAPE = {
   positions: [1e18, 1e18, 1e18, 1e18, 1e18 + 1e12, 1e18, 1e18, 1e18, 1e18 + 1e12],
@@ -24,6 +24,11 @@ const NO_TRANSFORM = [NaN, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 /** Bounds that are not equal to any others, nor to themselves. */
 const NO_BOUNDS = [NaN, NaN, NaN, NaN, NaN, NaN];
 
+/** Returns a list that can be iterated, as an `ArrayLike` need not be. */
+function listOf(list) {
+  return Array.isArray(list) || ArrayBuffer.isView(list) ? list : Array.from(list);
+}
+
 /** Returns a copy of an argument, and adds the memory of typed arrays to `moved`: they go without another. */
 function copied(argument, moved) {
   if (ArrayBuffer.isView(argument)) {
@@ -33,6 +38,7 @@ function copied(argument, moved) {
   }
   if (Array.isArray(argument)) return argument.slice();
   if (typeof argument !== "object" || argument === null) return argument;
+  if (argument.length >= 0) return Array.from(argument);
   return Object.fromEntries(Object.entries(argument).map(([name, value]) => [name, copied(value, moved)]));
 }
 
@@ -136,7 +142,8 @@ export class LateScene {
     this.removeAll([id]);
   }
 
-  removeAll(ids) {
+  removeAll(given) {
+    const ids = listOf(given);
     this.#both("removeAll", ids);
     this.#changes(ids, true);
     for (const id of ids) {
@@ -155,7 +162,8 @@ export class LateScene {
     this.#boundsToWorkers([id], [...box.min, ...box.max]);
   }
 
-  setAllBounds(ids, bounds) {
+  setAllBounds(given, bounds) {
+    const ids = listOf(given);
     this.#scene.setAllBounds(ids, bounds);
     this.#boundsToWorkers(ids, bounds);
   }
@@ -167,12 +175,17 @@ export class LateScene {
    */
   #boundsToWorkers(ids, bounds) {
     if (this.#placed.size > 0 && ids.some((id) => this.#placed.has(id))) {
-      ids.forEach((id, i) => {
-        if (this.#hasLocalBounds(id)) return;
-        // With bounds that differ from those it has, an object loses its local bounds.
-        if (this.#placed.delete(id)) this.#toWorkers("setAllBounds", [id], NO_BOUNDS);
-        this.#toWorkers("setAllBounds", [id], bounds.slice(6 * i, 6 * i + 6));
+      // With bounds that differ from those it has, an object loses its local bounds.
+      const lost = Array.from(ids).filter((id) => this.#placed.has(id) && !this.#hasLocalBounds(id));
+      for (const id of lost) this.#placed.delete(id);
+      if (lost.length > 0) this.#toWorkers("setAllBounds", lost, lost.flatMap(() => NO_BOUNDS));
+      const places = [...ids.keys()].filter((i) => !this.#placed.has(ids[i]));
+      const numbers = new Float64Array(6 * places.length);
+      places.forEach((place, i) => {
+        for (let k = 0; k < 6; k++) numbers[6 * i + k] = bounds[6 * place + k];
       });
+      const sent = places.map((place) => ids[place]);
+      if (sent.length > 0) this.#toWorkers("setAllBounds", sent, numbers);
     } else this.#toWorkers("setAllBounds", ids, bounds);
     this.#changes(ids, true);
   }
@@ -195,7 +208,8 @@ export class LateScene {
     this.#placed.add(id);
   }
 
-  setTransforms(ids, matrices) {
+  setTransforms(given, matrices) {
+    const ids = listOf(given);
     this.#both("setTransforms", ids, matrices);
     this.#changes(ids, true);
   }
@@ -304,11 +318,11 @@ export class LateScene {
     this.flush({ ...question, number }, to);
   }
 
-  #receive({ number, refusals, ...answer }) {
+  #receive({ number, refusals, answer }) {
     this.refusals.push(...refusals);
     const ask = this.#asks.get(number);
     this.#asks.delete(number);
-    ask?.then({ ...answer, revision: ask.revision });
+    ask?.then(answer && { ...answer, revision: ask.revision });
   }
 
   /** Whether an answer hides anything, of a scene after `revision` calls. */

@@ -124,7 +124,10 @@ export interface Wall {
   opacity?: Opacity;
 }
 
-/** A ray from `origin`, relative to the scene's origin, along `direction`, of any length but zero. */
+/**
+ * A ray from `origin`, relative to the scene's origin, along `direction`, of any length but zero. Both are rounded to
+ * single precision: far from the scene's origin, a ray may miss what the unrounded one hits.
+ */
 export interface Ray {
   origin: Triple;
   direction: Triple;
@@ -239,12 +242,13 @@ export interface Visibility {
   createPlan(walls: readonly Wall[]): Plan;
   /**
    * Creates the occluders of a level: its opaque triangles that stand still, 9 numbers each, joined into few large
-   * polygons that hide only what the triangles hide. `twoSided` is whether they hide from behind, too.
+   * polygons that hide only what the triangles hide. `twoSided` is whether they hide from behind, too. Takes seconds for
+   * a million triangles.
    */
   createLevel(triangles: Numbers, options?: { twoSided?: boolean }): Level;
   /**
-   * Loads the occluders of a level from the `bytes` of another. Whether they are of the level as it is now is not
-   * checked: occluders of another level hide visible objects.
+   * Loads the occluders of a level from the `bytes` of another. The library cannot tell whether the bytes are of the
+   * level as it is now: occluders of another level hide visible objects. Throws "FORMAT" for bytes of anything else.
    */
   readLevel(bytes: Uint8Array): Level;
   /**
@@ -362,7 +366,7 @@ export interface Scene extends Handle {
    * the object's box hides nothing, and `lacks` says so.
    */
   setMesh(id: ObjectId, mesh: MeshId, transform?: Numbers): void;
-  /** Gives an object triangles within its box, 9 numbers each, for `prepareOccluders` and `Judge`. */
+  /** Gives an object triangles within its box, 9 numbers each, for `prepareOccluders`, `proveFrom` and `Judge`. */
   setTriangles(id: ObjectId, triangles: Numbers): void;
   /**
    * Makes occluder meshes from the triangles of objects with `Flag.Occluder` and no mesh; returns how many.
@@ -379,17 +383,19 @@ export interface Scene extends Handle {
   inBox(box: Box, options?: { layers?: number }): BigUint64Array;
   /**
    * One bit per index, as in `Visible.bits`, of the objects that can be seen from somewhere in a box of the world: a
-   * sweep of the box over the occluders. Conservative. Takes milliseconds to a second.
+   * sweep of the box over the occluders. Conservative for views that draw the layers of all occluders. Takes
+   * milliseconds to a second.
    */
   seenFrom(box: Box): Uint32Array;
   /**
    * Decides objects by rays and proofs among the triangles of `setTriangles`: bits of those to which a line of sight
-   * from the box was found, and of those that are proven hidden from all of the box. Those with neither bit are not
-   * decided, and count as visible. An object without triangles is its box: no ray sees it, and it hides
-   * nothing. With a `clearance` of 0,
-   * the default, no visible object is proven hidden; with one in metres also what is seen only through gaps narrower
-   * than 12 clearances is. The work ends after `mostSteps` rays and pieces of searches, of some microseconds each; 0,
-   * the default, for no end, which may take minutes.
+   * from the box was found, and of those that are proven hidden from all of the box, for views that draw the layers of
+   * all occluders. Objects with neither bit are not decided, and count as visible. An object that is never culled is
+   * never hidden. An object without triangles is its box: no ray sees it, and it hides nothing. With a `clearance` of
+   * 0, the default, no visible object is proven hidden; with one in metres also what is seen only through gaps narrower
+   * than 12 clearances is. The search ends after `mostSteps` steps; 0, the default, for no end, which may take minutes.
+   * A step is a search node of some microseconds, or at most 200 rays. Each call first collects all triangles, about
+   * 150 bytes of memory each, which `mostSteps` does not bound.
    */
   proveFrom(box: Box, options?: { clearance?: number; mostSteps?: number }): { seen: Uint32Array; hidden: Uint32Array };
   /**
@@ -455,12 +461,12 @@ export interface Pipeline extends Handle {
   /**
    * Removes objects whose shadow from a light cannot fall on any point that the view shows: the first stage of the
    * pipeline that selects objects for the light's shadow map, without a frustum. The view is the camera's, or that of
-   * a cascade. Conservative for shadows.
+   * a cascade, on the layers of all casters. Conservative for shadows.
    */
   addCasters(light: Light): this;
   /**
    * As `addZBuffer`, and the occluders of a level hide, too. `origin` is the point of the world that the level's
-   * triangles are relative to.
+   * triangles are relative to. Conservative for views that draw the whole level: its triangles have no layers.
    */
   addZBufferOfLevel(level: Level, options?: { width?: number; height?: number; origin?: Triple }): this;
   /**
@@ -617,7 +623,7 @@ export type Pair = readonly [number, number] | ArrayLike<number>;
 
 /** A floor plan: what an eye sees of the walls around it, and whether two points see each other. */
 export interface Plan extends Handle {
-  /** Sets the opacity of a wall: a door that opens. */
+  /** Sets the opacity of a wall: a door that opens. Throws "UNKNOWN_ID" for a wall that the plan does not have. */
   setOpacity(wall: number, opacity: Opacity): void;
   /** Whether a line leads from `a` to `b` that no wall stops. Exact. A point on a wall sees both of its sides. */
   sees(a: Pair, b: Pair): boolean;
@@ -633,6 +639,10 @@ export interface Plan extends Handle {
   polygon(eye: Pair, options?: { range?: number }): Float64Array;
   /** Numbers of the walls that an eye sees, ascending. */
   walls(eye: Pair, options?: { range?: number }): Uint32Array;
-  /** Numbers of the walls that are seen from somewhere in the convex hull of points, 2 numbers each, ascending. */
+  /**
+   * Numbers of the walls that are seen from somewhere in the convex hull of points, 2 numbers each, ascending. Throws
+   * "ARGUMENT" if there is no point, if one is outside the rectangle around the plan, or if lines of sight enter more
+   * than 2^24 triangles of the plan.
+   */
   wallsFromRegion(points: Numbers): Uint32Array;
 }

@@ -47,6 +47,8 @@ const RAY_HIT_BYTES = 16;
 const [DIRECTIONAL, POINT, SPOT] = [0, 1, 2];
 /** `VIS_NO_WALL` of the header. */
 const NO_WALL = 0xffffffff;
+/** Bytes that a list is offered at least. */
+const LEAST_ROOM = 1 << 12;
 /** Bytes of memory for arguments that are kept from call to call at most. */
 const MOST_KEPT = 1 << 24;
 
@@ -120,6 +122,8 @@ class Wasm {
     this.block = 0;
     this.blockBytes = 0;
     this.used = 0;
+    /** By name of a function: the length of the list that it last wrote. */
+    this.lengths = new Map();
     /** Earlier blocks, too small, that arguments of the present call are in. */
     this.full = [];
     /** What the library failed with inside, if it did: what it was at is half done. */
@@ -266,14 +270,33 @@ class Wasm {
     });
   }
 
-  /** Calls a function that writes a list to a buffer, capacity and count, and returns a copy of the list. */
+  /**
+   * Calls a function that writes elements of so many bytes to a buffer, capacity and count, within a call. Returns
+   * pointer and length of the list. Offers room for twice as many as the function last wrote, so that it seldom does
+   * its work twice.
+   */
+  listed(bytes, name, ...parameters) {
+    const count = this.borrow(8);
+    const usual = Math.min(2 * (this.lengths.get(name) ?? 0), MOST_KEPT / bytes);
+    let room = Math.ceil(Math.max(LEAST_ROOM / bytes, usual));
+    let buffer = this.borrow(room * bytes);
+    try {
+      this.check(name, ...parameters, buffer, room, count);
+    } catch (error) {
+      if (error.code !== "TOO_SHORT") throw error;
+      room = this.u32(count);
+      buffer = this.borrow(room * bytes);
+      this.check(name, ...parameters, buffer, room, count);
+    }
+    const length = this.u32(count);
+    this.lengths.set(name, length);
+    return [buffer, length];
+  }
+
+  /** Calls a function as `listed` does, and returns a copy of the list. */
   list(Type, name, ...parameters) {
     return this.call(() => {
-      const count = this.borrow(8);
-      this.check(name, ...parameters, 0, 0, count);
-      const length = this.u32(count);
-      const buffer = this.borrow(length * Type.BYTES_PER_ELEMENT);
-      this.check(name, ...parameters, buffer, length, count);
+      const [buffer, length] = this.listed(Type.BYTES_PER_ELEMENT, name, ...parameters);
       return new Type(this.exports.memory.buffer, buffer, length).slice();
     });
   }
@@ -794,12 +817,8 @@ class Scene extends Handle {
 
   rayHits({ origin, direction, maxDistance = Infinity, layers = ALL_LAYERS } = {}) {
     return this.wasm.call((wasm) => {
-      const count = wasm.borrow(8);
       const of = [...this.#ray(origin, direction), maxDistance, whole(layers, "layers")];
-      wasm.check("vis_scene_ray_hits", this.pointer, ...of, 0, 0, count);
-      const length = wasm.u32(count);
-      const hits = wasm.borrow(length * RAY_HIT_BYTES);
-      wasm.check("vis_scene_ray_hits", this.pointer, ...of, hits, length, count);
+      const [hits, length] = wasm.listed(RAY_HIT_BYTES, "vis_scene_ray_hits", this.pointer, ...of);
       return Array.from({ length }, (_, i) => rayHit(wasm, hits + i * RAY_HIT_BYTES));
     });
   }

@@ -235,7 +235,8 @@ function toggle(name, on = !toggles[name]) {
   if (name === "walk" && on && !still && walk) goTo(key);
   if (name === "region") lookFromBox(on);
   drawnSignature = "";
-  panel.toggled(name, on);
+  // A look from a box may have been refused at once.
+  panel.toggled(name, toggles[name]);
 }
 
 /** Finds what is seen from a box around the eye, and shows it from above; or shows it no more. */

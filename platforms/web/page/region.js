@@ -7,7 +7,7 @@ import { pause } from "./load.js";
 
 /** Greatest number of triangles of a model for which proofs are tried: they take 200 bytes each in the worker. */
 const MOST_TRIANGLES = 400_000;
-/** Rays and pieces of searches after which objects stay undecided: some ten seconds of a core. */
+/** Rays and search nodes after which objects stay undecided: some ten seconds of a core. */
 const MOST_STEPS = 3_000_000;
 const SLICE_MS = 20;
 
@@ -58,9 +58,9 @@ export class Region {
       this.#scene.ask({ what: "region", ...box, mostSteps: MOST_STEPS }, resolve),
     );
     if (this.#isGone) return null;
+    // The page then says why, and shows the view as it was.
+    if (!answer) throw new Error(`the worker found nothing: ${this.#scene.refusals.at(-1)}`);
     const { bits: swept, seen, hidden, milliseconds } = answer;
-    // A worker that failed has no answer: all counts as seen.
-    if (!hidden) throw new Error(`the worker found nothing: ${this.#scene.refusals.at(-1)}`);
     const among = (bits) => swept.map((word, i) => word & bits[i]);
     const open = swept.map((word, i) => word & ~seen[i] & ~hidden[i]);
     const sets = { swept, seen: among(seen), hidden: among(hidden), open };

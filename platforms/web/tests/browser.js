@@ -177,6 +177,9 @@ async function boxes(tab) {
     await tab.act(`page.toggle("region", false); page.toggle("above", false)`);
     return { ...region, visible };
   };
+  const pressed = await tab.page.evaluate(`page.state.loading = true; page.toggle("region", true);
+    page.state.loading = false; document.getElementById("region").getAttribute("aria-pressed")`);
+  assert.equal(pressed, "false", "the button of a look that is refused");
   const office = await sees(`page.chooseStages(["frustum", "zbuffer"]); page.goTo(0)`, "office-box");
   assert.ok(office.seen > 10 && office.swept < 600 && office.hidden > 10, `office: ${JSON.stringify(office)}`);
   await writeWall(`${pictures}/wall.glb`);

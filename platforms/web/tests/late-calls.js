@@ -4,7 +4,8 @@
 
 import assert from "node:assert/strict";
 import test from "node:test";
-import { Flag, NO_OBJECT, indexOf } from "../package/visibility.js";
+import { LateScene } from "../package/late.js";
+import { Flag, NO_OBJECT, indexOf, load } from "../package/visibility.js";
 import { serve } from "../package/late-worker.js";
 import { Workers } from "../page/workers.js";
 import { REFUSED_MESH, box, elsewhere, has, moveBy, street, visibility, watched, wire } from "./late-street.js";
@@ -183,6 +184,50 @@ for (const [what, change, isPrepared] of [
     assert.ok(isShown(lamp), "by the answer of the scene as it is");
   });
 }
+
+test("a worker that cannot tell what a region sees says so", async () => {
+  const answers = [];
+  const region = { what: "region", min: [-1, -1, -1], max: [1, 1, 1] };
+  for (const library of [elsewhere, await load({ frames: true })]) {
+    const { scene, settle } = street(undefined, library);
+    scene.ask(region, (answer) => answers.push(answer));
+    settle();
+    if (library !== elsewhere) assert.match(scene.refusals.join(), /frames/, "the refusal is told");
+  }
+  assert.deepEqual([...answers[0].bits, answers[0].hidden.length], [1, 1], "the lamp is behind the wall");
+  assert.equal(answers[1], null, "the small module");
+});
+
+test("bounds of many go in one message, also beside one with local bounds, and from any list", () => {
+  const { near, far, deliver } = wire();
+  serve(far, elsewhere);
+  const calls = [];
+  const { postMessage } = near;
+  near.postMessage = (data, moved) => (calls.push(...data.calls), postMessage(data, moved));
+  const scene = new LateScene(visibility.createScene(), [near]);
+  const count = 100;
+  const unit = (i) => [i, 0, 0, i + 1, 1, 1];
+  const listed = (by = 0) => Array.from({ length: count }, (_, i) => unit(i + by)).flat();
+  const ids = scene.insertAll({ bounds: listed() });
+  for (const i of [0, 1]) scene.setLocalBounds(ids[i], box([0, 0, 0], [1, 1, 1]));
+  scene.flush();
+  calls.length = 0;
+  // The first object stays in the bounds that it has, and keeps its local bounds.
+  const { min, max } = scene.bounds(ids[0]);
+  const bounds = [...min, ...max, ...listed(3).slice(6)];
+  scene.setAllBounds({ length: count, ...ids }, { length: 6 * count, ...bounds });
+  let answer;
+  scene.ask({ what: "region", min: [-1, -1, -1], max: [0, 0, 0] }, (given) => (answer = given));
+  assert.deepEqual(
+    calls.map(([name, [all]]) => [name, all.length]),
+    [
+      ["setAllBounds", 1],
+      ["setAllBounds", count - 1],
+    ],
+  );
+  (deliver(), deliver());
+  assert.deepEqual([scene.refusals, answer?.bits.length], [[], 4]);
+});
 
 test("the same flags again leave an answer as good as it was", () => {
   const { scene, wall, lamp, isShown, settle } = street();

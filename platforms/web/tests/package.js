@@ -415,6 +415,8 @@ for (const simd128 of [false, true]) {
     assert.deepEqual(words(scene.proveFrom(before)), [0b01, 0b10]);
     assert.deepEqual(words(scene.proveFrom(before, { mostSteps: 1 })), [0, 0]);
     assert.deepEqual(words(scene.proveFrom(around)), [0b11, 0]);
+    scene.setFlags(lamp, Flag.NeverCull);
+    assert.deepEqual(words(scene.proveFrom(before)), [0b01, 0], "a lamp that is never culled");
     assert.throws(() => scene.seenFrom({ min: [2, 0, 0], max: [1, 0, 0] }), refused("ARGUMENT", /inverted/));
     assert.throws(() => scene.proveFrom(before, { clearance: -1 }), refused("ARGUMENT", /clearance/));
   });
@@ -460,6 +462,35 @@ for (const simd128 of [false, true]) {
     assert.equal(seen(level, { origin: [3, 0, 0] }), 0b11);
     assert.throws(() => visibility.readLevel(level.bytes.slice(1)), refused("FORMAT", /./));
     assert.throws(() => visibility.createLevel([1, 2]), refused("ARGUMENT", /multiple of 9/));
+  });
+
+  test(say("a list is asked for once, unless it is longer than before"), async () => {
+    const { instantiate } = WebAssembly;
+    const counts = {};
+    WebAssembly.instantiate = async (...given) => {
+      const made = await instantiate(...given);
+      const counted = (name, call) => (...of) => {
+        counts[name] = (counts[name] ?? 0) + 1;
+        return call(...of);
+      };
+      const exports = {};
+      for (const [name, value] of Object.entries((made.instance ?? made).exports))
+        exports[name] = typeof value === "function" ? counted(name, value) : value;
+      return made.instance ? { instance: { exports } } : { exports };
+    };
+    const other = await load({ simd128 }).finally(() => (WebAssembly.instantiate = instantiate));
+    const plan = other.createPlan([{ from: [5, -1], to: [5, 1] }]);
+    const corners = plan.polygon([0, 0]);
+    assert.equal(counts.vis_plan_visibility_polygon, 1, "a short list");
+    assert.deepEqual(plan.polygon([0, 0]), corners);
+    const scene = other.createScene();
+    const count = 5000;
+    scene.insertAll({ bounds: Float64Array.from({ length: 6 * count }, (_, i) => (i % 6 < 3 ? 1 : 2)) });
+    const all = [scene.inBox(WALL), scene.inBox({ min: [0, 0, 0], max: [3, 3, 3] })].map((ids) => ids.length);
+    assert.deepEqual(all, [0, count]);
+    assert.equal(counts.vis_scene_in_box, 3, "a long list, the first time");
+    assert.equal(scene.inBox({ min: [0, 0, 0], max: [3, 3, 3] }).length, count);
+    assert.equal(counts.vis_scene_in_box, 4, "a long list, again");
   });
 
   test(say("errors name what is wrong"), () => {

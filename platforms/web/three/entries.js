@@ -1,7 +1,7 @@
 // Meshes of a scene and their objects in the library, and what three.js says of them: parts, layers, instances.
 
-import { Layers } from "three";
-import { InstanceOrder } from "./instances.js";
+import { BatchedMesh, Layers, Mesh, Object3D } from "three";
+import { InstanceOrder, countOf } from "./instances.js";
 import { Surface } from "./surfaces.js";
 
 export const NO_IDS = new BigUint64Array(0);
@@ -111,6 +111,42 @@ export function matricesOf({ instanceMatrix, _matricesTexture }) {
 /** Whether matrices of instances can be read: not when they are on the graphics card alone. */
 export function hasMatrices({ instanceMatrix }) {
   return instanceMatrix?.array && !instanceMatrix.isStorageInstancedBufferAttribute;
+}
+
+/** Whether there are matrices of all instances of a mesh: a batch that was disposed of has none. */
+export function hasInstances(object) {
+  // Fields that three.js does not document.
+  if (object.isBatchedMesh) return Array.isArray(object._instanceInfo) && object._matricesTexture?.version >= 0;
+  return !object.isInstancedMesh || object.instanceMatrix.array.length >= 16 * countOf(object);
+}
+
+/**
+ * Whether three.js draws a mesh in the usual order, and by matrices and a geometry that can be read: what does not can
+ * neither be hidden nor hide others. Whether its material allows that is another matter.
+ */
+export function isUsual(object) {
+  const { geometry, material } = object;
+  const usual = object.isBatchedMesh ? BatchedMesh.prototype : Object3D.prototype;
+  return (
+    geometry?.isBufferGeometry === true &&
+    Boolean(material) &&
+    object.onBeforeRender === usual.onBeforeRender &&
+    object.onAfterRender === usual.onAfterRender &&
+    object.intersectsFrustum === Mesh.prototype.intersectsFrustum &&
+    object.renderOrder === 0 &&
+    geometry.morphAttributes.position === undefined &&
+    !object.morphTexture &&
+    // Not instances whose matrices are on the graphics card alone, and not instances that have bones.
+    !(object.isInstancedMesh && !hasMatrices(object)) &&
+    !(object.isSkinnedMesh && matricesOf(object))
+  );
+}
+
+/** Whether the renderer goes past an object with all that is in it as far as culling is concerned. */
+export function isApart({ isBundleGroup, isClippingGroup }) {
+  // A bundle records draw calls of the meshes that are visible at that time; a clipping group cuts holes into
+  // occluders.
+  return isBundleGroup || isClippingGroup;
 }
 
 /** Whether a mesh is drawn at several places, or not at all, by a count that is not looked at here. */

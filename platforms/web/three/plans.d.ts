@@ -1,15 +1,21 @@
 // Plans of a three.js scene, and who sees whom in it. World axes as in three.js, y up; plans are cuts across y.
 //
-// What hides is as in `VisibilityCulling`: opaque meshes, instances and batches, from the sides that are drawn. Skinned
-// and morphing meshes do not. A plan is of the scene as it was when it was made: make another when walls have moved.
+// What hides is as in `VisibilityCulling`: opaque meshes, instances and batches, from the sides that are drawn. These do
+// not: skinned and morphing meshes, those with a `renderOrder`, with `frustumCulled` false or with callbacks of their own,
+// and what is in a `ClippingGroup` or `BundleGroup`. Of an `LOD` the first level hides, whichever is drawn. A plan is of the
+// scene as it was when it was made: make another when walls have moved.
 
-import type { Box3, BufferGeometry, Mesh, Object3D, Scene, Vector3 } from "three";
+import type { Box3, BufferGeometry, Layers, Mesh, Object3D, Scene, Vector3 } from "three";
 import type { Opacity, Visibility } from "visibility-web";
 
 /** A place on a plan: an object, by its position in the world, or a point of the world. Its y does not count. */
 export type Place = Object3D | { readonly x: number; readonly z: number };
 
-/** Something that looks or is looked at: an object, by the box around it and all within it, a point, or a box. */
+/**
+ * Something that looks or is looked at: an object, by the box around its position and all meshes within it as they are
+ * now, a point, or a box that is not empty. The box of a skinned mesh takes all its vertices, that of instances all their
+ * matrices, at each call: for crowds give boxes.
+ */
 export type Mover = Object3D | Vector3 | Box3;
 
 export interface SightOptions {
@@ -17,11 +23,11 @@ export interface SightOptions {
   visibility?: Visibility;
   /** Whether a mesh hides. `undefined` leaves it to its material; `true` makes it hide from both sides. */
   occluder?(mesh: Mesh): boolean | undefined;
+  /** Meshes hide that a camera with these layers draws: by default layer 0 alone, as of a new camera. */
+  layers?: Layers;
 }
 
 export interface PlanOptions {
-  /** Height of the cut: 0 by default. */
-  height?: number;
   /**
    * Side of the cells that `whoSees` divides rooms into: a 16th of the plan's greater side by default, a 64th at least.
    * Smaller cells leave out more, and take longer: not much smaller than the boxes and margins of the movers.
@@ -55,12 +61,15 @@ export interface PlanWall {
  * under: cut at the eyes' height, or take `CellSight`.
  */
 export class ScenePlan {
-  /** Cuts what hides in a scene at a height: 0 by default. Rejects with a `TypeError` if that is no number. */
-  static of(scene: Scene | Object3D, options?: PlanOptions & SightOptions): Promise<ScenePlan>;
-  /** Makes a plan of closed polygons: corners as `[x, z]`, or as points of the world. */
+  /**
+   * Cuts what hides in a scene at `height`, which walls must reach beyond: the eyes' height, not that of the ground that
+   * walls stand on. Rejects with a `TypeError` if `height` is no finite number, or `grid` no length.
+   */
+  static of(scene: Scene | Object3D, options: PlanOptions & SightOptions & { height: number }): Promise<ScenePlan>;
+  /** Makes a plan of closed polygons: corners as `[x, z]`, or as points of the world. `height` is 0 by default. */
   static ofPolygons(
     polygons: readonly (readonly (Place | readonly [number, number])[])[],
-    options?: PlanOptions & Pick<SightOptions, "visibility">,
+    options?: PlanOptions & Pick<SightOptions, "visibility"> & { height?: number },
   ): Promise<ScenePlan>;
   readonly height: number;
   readonly walls: readonly PlanWall[];
@@ -68,7 +77,7 @@ export class ScenePlan {
   sees(a: Place, b: Place): boolean;
   /** Corners of what an eye sees, at the plan's height. `range` is the greatest distance: infinite by default. */
   polygon(eye: Place, options?: { range?: number }): Vector3[];
-  /** The area of `polygon` as triangles that face upwards, to be drawn. */
+  /** The area of `polygon` as triangles that face upwards, to be drawn: at the plan's height. */
   geometry(eye: Place, options?: { range?: number }): BufferGeometry;
   /** Meshes of which an eye sees some wall. */
   meshesSeen(eye: Place, options?: { range?: number }): Mesh[];
@@ -103,7 +112,10 @@ export class CellSight {
   static of(scene: Scene | Object3D, options?: SightOptions & { cell?: number; box?: Box3 }): Promise<CellSight>;
   /** Number of cells. */
   readonly count: number;
-  /** As `ScenePlan.whoSees`. */
+  /**
+   * Finds who may see whom, thousands of each in a call. `margin` is how far each may move until the answer is used, in any
+   * direction and through walls, too. Targets are the observers by default.
+   */
   whoSees<Observer extends Mover, Target extends Mover = Observer>(
     observers: readonly Observer[],
     targets?: readonly Target[],

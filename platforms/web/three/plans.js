@@ -4,10 +4,10 @@
 // The plan's x and y are the world's x and z. A material that is drawn from its front alone is a wall that stops sight
 // from its front alone, as in the picture.
 
-import { Box3, BufferAttribute, BufferGeometry, Matrix4, Vector3 } from "three";
+import { Box3, BufferAttribute, BufferGeometry, Layers, Matrix4, Vector3 } from "three";
 import { Flag, Opacity, load } from "visibility-web";
 import { isPlacedWell, moveBox, place } from "./boxes.js";
-import { partOf } from "./entries.js";
+import { hasInstances, hasMatrices, isApart, isCountedElsewhere, isUsual, partOf } from "./entries.js";
 import { countOf } from "./instances.js";
 import { Shape, Surface, Surfaces, trianglesOf } from "./surfaces.js";
 
@@ -21,6 +21,8 @@ const MOST_CELLS = 1 << 14;
 const [USUAL_LINES, MOST_LINES] = [16, 64];
 
 const ORIGIN = [0, 0, 0];
+/** The layer that cameras draw unless they are told otherwise. */
+const USUAL_LAYERS = new Layers();
 
 let library = null;
 
@@ -32,19 +34,67 @@ function loaded(visibility) {
 /** Returns the surface of a mesh. Only from `Surface.Front` on it hides. */
 function surfaceOf(mesh, surfaces, occluder) {
   const { geometry, material } = mesh;
-  if (!material || geometry?.isBufferGeometry !== true || geometry.isInstancedBufferGeometry)
-    return Surface.NeverHidden;
-  // Their vertices are elsewhere when they are drawn.
-  if (mesh.isSkinnedMesh || mesh.morphTexture || geometry.morphAttributes.position) return Surface.NeverHidden;
+  // Bones move vertices elsewhere.
+  const isStill = isUsual(mesh) && mesh.frustumCulled && !mesh.isSkinnedMesh;
+  if (!isStill || isCountedElsewhere(mesh) || !hasInstances(mesh)) return Surface.NeverHidden;
   const choice = occluder?.(mesh);
   if (choice === false) return Surface.NeverHidden;
   const surface = Array.isArray(material) ? surfaces.ofAll(material, geometry) : surfaces.now(material);
   return choice === true ? Math.max(surface, Surface.Double) : surface;
 }
 
+/** Brings the world matrix of an object up to date, and those of its ancestors. Others still wait for the next frame. */
+function updateUpwards(object) {
+  if (object.parent) updateUpwards(object.parent);
+  const waits = object.matrixWorldNeedsUpdate;
+  object.matrixWorldNeedsUpdate = true;
+  object.updateWorldMatrix(false, false);
+  object.matrixWorldNeedsUpdate = waits;
+}
+
+/** Brings the world matrices of an object, of its ancestors, and of all within it up to date. */
+function updateWorld(object) {
+  if (object.parent) updateUpwards(object.parent);
+  object.updateMatrixWorld(true);
+}
+
+/** Whether the graphics card alone has the matrices of a mesh's instances. */
+function isElsewhere(object) {
+  return object.isInstancedMesh && !hasMatrices(object);
+}
+
+/** Returns the box around an object and all within it, as they are now: without instances that are elsewhere. */
+function boxOf(object) {
+  updateWorld(object);
+  const box = new Box3();
+  object.traverse((part) => {
+    // A batch that was disposed of is not drawn.
+    if (!part.geometry || isElsewhere(part) || (part.isBatchedMesh && !hasInstances(part))) return;
+    for (const bone of part.skeleton?.bones ?? []) if (bone) updateUpwards(bone);
+    // `Box3.setFromObject` takes the box of bones and instances as they were when it was first asked for.
+    const own = part.boundingBox === undefined ? part.geometry : part;
+    if (own === part || own.boundingBox === null) own.computeBoundingBox();
+    box.union(own.boundingBox.clone().applyMatrix4(part.matrixWorld));
+  });
+  return box;
+}
+
+/** Yields the meshes of a subtree that cameras with `layers` draw in the usual order. */
+function* drawn(object, layers, groupOrder = 0) {
+  if (isApart(object)) return;
+  if (object.isGroup && object.layers.test(layers)) groupOrder = object.renderOrder;
+  if (object.isMesh && groupOrder === 0 && object.layers.test(layers)) yield object;
+  // Cameras choose a level each. Before the first frame all are visible, later that of the last camera is.
+  const levels = object.isLOD && object.levels.length > 1 ? object.levels.map((level) => level.object) : [];
+  for (const child of object.children) {
+    const level = levels.indexOf(child);
+    if (level === 0 || (level < 0 && child.visible)) yield* drawn(child, layers, groupOrder);
+  }
+}
+
 /** Yields the meshes of a scene that hide, as `place` takes them: with surface, shapes, and number of instances. */
-function* hiding(scene, occluder) {
-  scene.updateMatrixWorld();
+function* hiding(scene, occluder, layers = USUAL_LAYERS) {
+  updateWorld(scene);
   const surfaces = new Surfaces();
   surfaces.begin();
   const shapes = new Map();
@@ -54,9 +104,8 @@ function* hiding(scene, occluder) {
     if (!known.has(part)) known.set(part, new Shape(geometry, null, range));
     return known.get(part);
   };
-  const visible = [];
-  scene.traverseVisible((object) => object.isMesh && visible.push(object));
-  for (const object of visible) {
+  if (!scene.visible) return;
+  for (const object of drawn(scene, layers)) {
     const surface = surfaceOf(object, surfaces, occluder);
     if (surface <= Surface.Hideable) continue;
     const { geometry } = object;
@@ -125,11 +174,14 @@ function pair(of) {
 /** Returns the 7 numbers of a mover: its box, and how far it may move. */
 function reach(of, margin) {
   let box = of;
-  if (of.isObject3D) box = new Box3().setFromObject(of);
-  if (of.isVector3 || box.isEmpty?.()) {
-    const point = of.isVector3 ? of : of.getWorldPosition(new Vector3());
-    box = { min: point, max: point };
-  }
+  if (of.isObject3D) {
+    of.traverse((part) => {
+      if (isElsewhere(part)) throw new TypeError("a mover's instances are on the graphics card alone");
+    });
+    // An eye may be outside of the mesh that it has.
+    box = boxOf(of).expandByPoint(new Vector3().setFromMatrixPosition(of.matrixWorld));
+  } else if (of.isVector3) box = { min: of, max: of };
+  else if (box.isEmpty?.()) throw new TypeError("an empty box is no mover");
   const { min, max } = box;
   return [min.x, min.y, min.z, max.x, max.y, max.z, margin];
 }
@@ -155,10 +207,10 @@ export class ScenePlan {
   #grid;
   #cells = null;
 
-  static async of(scene, { height = 0, occluder, grid, visibility } = {}) {
+  static async of(scene, { height, occluder, layers, grid, visibility } = {}) {
     if (!Number.isFinite(height)) throw new TypeError("`height` is not a finite number");
     const walls = [];
-    for (const mesh of hiding(scene, occluder)) cut(mesh, height, walls);
+    for (const mesh of hiding(scene, occluder, layers)) cut(mesh, height, walls);
     return new ScenePlan(await loaded(visibility), walls, height, grid);
   }
 
@@ -173,7 +225,8 @@ export class ScenePlan {
     return new ScenePlan(await loaded(visibility), walls, height, grid);
   }
 
-  constructor(visibility, walls, height, grid) {
+  constructor(visibility, walls, height, grid = 0) {
+    if (!(grid >= 0)) throw new TypeError("`grid` is not a length");
     this.#visibility = visibility;
     this.#grid = grid;
     this.#plan = visibility.createPlan(walls);
@@ -242,7 +295,7 @@ export class ScenePlan {
     );
     const sizes = AXES.map((_, k) => high[k] - low[k]);
     const most = Math.max(...sizes);
-    const side = Math.max(this.#grid ?? most / USUAL_LINES, most / MOST_LINES) || 1;
+    const side = Math.max(this.#grid || most / USUAL_LINES, most / MOST_LINES) || 1;
     return AXES.flatMap((_, k) =>
       Array.from({ length: Math.floor(sizes[k] / side) }, (_, i) => {
         const at = low[k] + (i + 0.5) * side;
@@ -263,9 +316,9 @@ export class CellSight {
   #visibility;
   #cells;
 
-  static async of(scene, { cell = 4, box, occluder, visibility } = {}) {
+  static async of(scene, { cell = 4, box, occluder, layers, visibility } = {}) {
     if (!(cell > 0)) throw new TypeError("`cell` is not a length");
-    const around = box ?? new Box3().setFromObject(scene);
+    const around = box ?? boxOf(scene);
     const size = around.getSize(new Vector3());
     const counts = size.toArray().map((side) => Math.max(1, Math.ceil(side / cell)));
     const count = counts[0] * counts[1] * counts[2];
@@ -284,7 +337,7 @@ export class CellSight {
     const followed = library.createScene();
     const middle = around.getCenter(new Vector3()).toArray().map(Math.round);
     followed.setOrigin(middle);
-    for (const mesh of hiding(scene, occluder)) insert(followed, mesh, middle);
+    for (const mesh of hiding(scene, occluder, layers)) insert(followed, mesh, middle);
     followed.rebuild();
     const cells = library.createSightCellsOfScene(followed, boxes);
     followed.destroy();

@@ -11,7 +11,7 @@
 //   4. shadows are drawn, of all casters; then mirrors and the like, of all objects; then what was collected
 //   5. `scene.onAfterRender`
 
-import { BatchedMesh, LOD, Matrix4, Mesh, Object3D } from "three";
+import { LOD, Matrix4 } from "three";
 import { Flag, indexOf, load } from "visibility-web";
 import { LateAnswers, LateScene, countBits, startWorker } from "visibility-web/late.js";
 import { EMPTY, isPlacedWell, moveBox, place, skinnedBox } from "./boxes.js";
@@ -22,9 +22,11 @@ import {
   Many,
   NO_IDS,
   NONE,
-  hasMatrices,
+  hasInstances,
+  isApart,
   isCountedElsewhere,
   isUnclipped,
+  isUsual,
   layersOf,
   matricesOf,
   partOf,
@@ -271,9 +273,7 @@ export class VisibilityCulling {
     if (object.visible === false) isShown = false;
     if (object.isMesh) this.#meet(object, isShown, groupOrder);
     else if (object.isGroup) {
-      // A bundle records draw calls of the meshes that are visible at that time; a clipping group cuts holes
-      // into occluders.
-      if (object.isBundleGroup || object.isClippingGroup) return;
+      if (isApart(object)) return;
       // Groups that are not on the camera's layers have no order, as in the renderer.
       if (object.layers.test(camera.layers)) groupOrder = object.renderOrder;
     } else if (object.isLOD && isShown && object.autoUpdate && object.layers.test(camera.layers)) {
@@ -348,21 +348,7 @@ export class VisibilityCulling {
   #surfaceOf(entry) {
     const { object } = entry;
     const { geometry, material } = object;
-    const usual = object.isBatchedMesh ? BatchedMesh.prototype : Object3D.prototype;
-    if (
-      geometry?.isBufferGeometry !== true ||
-      !material ||
-      object.onBeforeRender !== usual.onBeforeRender ||
-      object.onAfterRender !== usual.onAfterRender ||
-      object.intersectsFrustum !== Mesh.prototype.intersectsFrustum ||
-      object.renderOrder !== 0 ||
-      geometry.morphAttributes.position !== undefined ||
-      object.morphTexture ||
-      // Instances whose matrices are on the graphics card alone, and instances that have bones.
-      (object.isInstancedMesh && !hasMatrices(object)) ||
-      (object.isSkinnedMesh && matricesOf(object))
-    )
-      return Surface.NeverHidden;
+    if (!isUsual(object)) return Surface.NeverHidden;
     let surface;
     if (Array.isArray(material)) surface = this.#surfaces.ofAll(material, geometry);
     else {
@@ -422,7 +408,7 @@ export class VisibilityCulling {
     const shape = (entry.shape = shapes.get(ALL));
     if (object.isInstancedMesh) {
       entry.many = new Many(countOf(object));
-      if (object.instanceMatrix.array.length < 16 * entry.many.count) return false;
+      if (!hasInstances(object)) return false;
     } else if (object.isSkinnedMesh) {
       shape.bones ??= bonesOf(geometry);
       if (!shape.bones) return false;
@@ -433,8 +419,7 @@ export class VisibilityCulling {
   #shapeBatch(entry) {
     const { object, geometry } = entry;
     const infos = object._instanceInfo;
-    // Fields that three.js does not document: without them the batch is drawn as it is.
-    if (!Array.isArray(infos) || !(object._matricesTexture?.version >= 0)) return false;
+    if (!hasInstances(object)) return false;
     const many = (entry.many = new Many(infos.length));
     many.parts = infos.map(partOf);
     const shapes = this.#shapesOf(geometry);
@@ -557,6 +542,12 @@ export class VisibilityCulling {
     const { object, shape, many, surface, ids, count } = entry;
     entry.waits = false;
     if (surface <= Surface.Hideable) return;
+    const { maxOccluderTriangles } = this.#options;
+    const isToMake = (own) =>
+      own.box !== EMPTY && !own.isMade(surface) && own.triangleCount <= maxOccluderTriangles;
+    // It has no flags yet.
+    entry.waits = this.#newTriangles <= 0 && shapesOf(entry).some(isToMake);
+    if (entry.waits) return;
     if (!boxes) this.#boxes(entry, (boxes = new Float64Array(6 * count)), 0);
     for (let i = 0; i < count; i++) {
       const own = many?.shapes?.[i] ?? shape;
@@ -564,8 +555,7 @@ export class VisibilityCulling {
       // The graphics card takes the front for the back if an instance is mirrored, beside its mesh.
       const isMirrored = many !== null && !(matrix.determinant() * object.matrixWorld.determinant() > 0);
       if (isMirrored && surface !== Surface.Double) continue;
-      const { maxOccluderTriangles } = this.#options;
-      if (!own.isMade(surface) && own.triangleCount <= maxOccluderTriangles) {
+      if (isToMake(own)) {
         // The entry hides nothing before all of it does.
         if (this.#newTriangles <= 0) return this.#stopHiding(entry);
         this.#newTriangles -= own.triangleCount;

@@ -23,10 +23,7 @@ codes! {
     LevelOccludersError, _ => VIS_ERROR_ARGUMENT;
     LightError, _ => VIS_ERROR_ARGUMENT;
     RayError, _ => VIS_ERROR_ARGUMENT;
-    LevelFileError, kind => match kind {
-        LevelFileError::OtherVersion { .. } => VIS_ERROR_ARGUMENT,
-        _ => VIS_ERROR_FORMAT,
-    };
+    LevelFileError, _ => VIS_ERROR_FORMAT;
     OfPortalsError, _ => VIS_ERROR_ARGUMENT;
     PlanError, kind => match kind {
         PlanError::UnknownWall { .. } => VIS_ERROR_UNKNOWN_ID,

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use visibility_core::glam::Vec3;
 use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
 
-/// Occluders of a level: what hides of all its opaque triangles that stand still, joined into few large
-/// polygons. They hide only what the triangles hide.
+/// Occluders of a level: few large polygons, joined from the level's opaque triangles that stand still. The
+/// polygons hide only what the triangles hide.
 pub struct vis_level(pub(super) Arc<LevelOccluders>);
 
 /// Makes the occluders of a level from its opaque triangles that stand still, 9 finite coordinates each,
@@ -26,8 +26,9 @@ pub unsafe extern "C" fn vis_level_create(
         // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 9 numbers for each of
         // `triangle_count`.
         let given = unsafe { array(triangles.cast::<[[f32; 3]; 3]>(), triangle_count, "triangles") }?;
-        if given.iter().flatten().flatten().any(|x| !x.is_finite()) {
-            return Err(Error::argument("a triangle is not finite"));
+        let is_finite = |corners: &[[f32; 3]; 3]| corners.as_flattened().iter().all(|x| x.is_finite());
+        if let Some(number) = given.iter().position(|corners| !is_finite(corners)) {
+            return Err(Error::argument(format_args!("triangle {number} is not finite")));
         }
         let corners = given.iter().map(|corners| corners.map(Vec3::from_array));
         let made: Vec<_> = corners.map(|corners| LevelTriangle { corners, two_sided }).collect();
@@ -36,8 +37,9 @@ pub unsafe extern "C" fn vis_level_create(
     })
 }
 
-/// Loads the occluders of a level that `vis_level_write` or the programs wrote. Whether they are of the level
-/// as it is now is not checked: occluders of another level hide visible objects.
+/// Loads the occluders of a level from a file that `vis_level_write` or a program of the crates wrote. The
+/// library cannot tell whether the file is of the level as it is now: occluders of another level hide visible
+/// objects. Returns `VIS_ERROR_FORMAT` for bytes that are no such file.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_level_read(
     bytes: *const u8,

@@ -89,7 +89,8 @@ pub unsafe extern "C" fn vis_plan_destroy(plan: *mut vis_plan) {
     unsafe { destroy(plan) }
 }
 
-/// Sets the opacity, a `vis_opacity`, of a wall: a door that opens.
+/// Sets the opacity, a `vis_opacity`, of a wall: a door that opens. Returns `VIS_ERROR_UNKNOWN_ID` for a wall
+/// that the plan does not have.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_plan_set_opacity(
     plan: *mut vis_plan,
@@ -201,8 +202,9 @@ pub unsafe extern "C" fn vis_plan_visible_walls(
 }
 
 /// Writes the numbers of the walls that can be seen from somewhere in the convex hull of points, 2
-/// coordinates each, ascending. The points are within the rectangle around the plan. Sight from within the
-/// region, on its side of walls that cross it, is exact.
+/// coordinates each, ascending. Sight from within the region, on its side of walls that cross it, is exact.
+/// Returns `VIS_ERROR_ARGUMENT` if there is no point, if a point is outside the rectangle around the plan, or
+/// if lines of sight enter more than 2^24 triangles of the plan.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_plan_walls_seen_from_region(
     plan: *const vis_plan,

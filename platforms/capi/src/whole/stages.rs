@@ -97,7 +97,7 @@ pub struct vis_light {
     pub kind: u32,
     /// Position of a point or spot light.
     pub position: [f64; 3],
-    /// Direction of a directional or spot light: any finite length but zero.
+    /// Direction towards a directional light, or away from a spot light: any finite length but zero.
     pub direction: [f64; 3],
     /// Distance beyond which a point or spot light casts no shadow: more than 0, may be infinite.
     pub range: f64,
@@ -106,7 +106,7 @@ pub struct vis_light {
 }
 
 /// Returns the light that a description stands for.
-fn light(given: &vis_light) -> Result<Light, Error> {
+fn light_of(given: &vis_light) -> Result<Light, Error> {
     let [position, direction] = [given.position, given.direction].map(DVec3::from_array);
     let vis_light { kind, range, half_angle, .. } = *given;
     if kind == VIS_LIGHT_DIRECTIONAL as u32 {
@@ -127,19 +127,20 @@ fn light(given: &vis_light) -> Result<Light, Error> {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_casters(
     pipeline: *mut vis_pipeline,
-    light_of_shadows: *const vis_light,
+    light: *const vis_light,
 ) -> vis_status {
     border(|| {
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        let given = unsafe { reference(light_of_shadows, "light_of_shadows") }?;
+        let light = light_of(unsafe { reference(light, "light") }?)?;
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        unsafe { push(pipeline, CasterCuller::new(light(given)?)?) }
+        unsafe { push(pipeline, CasterCuller::new(light)?) }
     })
 }
 
 /// Appends a z-buffer as `vis_pipeline_add_z_buffer` does, into which the occluders of a level are drawn,
 /// beside those of the scene's objects. `origin` is the point of the world, 3 finite coordinates, that the
-/// level's triangles are relative to. The level may be destroyed afterwards. Conservative.
+/// level's triangles are relative to. The level may be destroyed afterwards. Conservative for views that draw
+/// the whole level: its triangles have no layers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_z_buffer_of_level(
     pipeline: *mut vis_pipeline,

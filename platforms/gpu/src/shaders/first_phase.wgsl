@@ -9,9 +9,12 @@
 @group(0) @binding(3) var<storage, read_write> second_commands: array<u32>;
 
 @compute @workgroup_size(64)
-fn choose(@builtin(global_invocation_id) id: vec3<u32>) {
-    // Rows of 65,535 groups of 64.
-    let object = id.x + id.y * 4194240u;
+fn choose(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    // Rows of groups of 64.
+    let object = id.x + id.y * groups.x * 64u;
     if object >= arrayLength(&states) {
         return;
     }

@@ -69,9 +69,12 @@ fn is_hidden(low: vec3<f32>, high: vec3<f32>) -> bool {
 }
 
 @compute @workgroup_size(64)
-fn test(@builtin(global_invocation_id) id: vec3<u32>) {
-    // Rows of 65,535 groups of 64.
-    let object = id.x + id.y * 4194240u;
+fn test(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    // Rows of groups of 64.
+    let object = id.x + id.y * groups.x * 64u;
     if object >= arrayLength(&states) || (candidates[object / 32u] >> (object % 32u) & 1u) == 0u {
         return;
     }

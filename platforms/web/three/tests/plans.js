@@ -224,9 +224,146 @@ test("polygons make a plan; bodies count with their boxes", async () => {
   assert.equal(plan.whoSees([eye], [body]).sees(eye, body), true);
   body.scale.z = 0.5;
   assert.equal(plan.whoSees([eye], [body]).sees(eye, body), false);
-  await assert.rejects(ScenePlan.of(new THREE.Scene(), { height: NaN, visibility }), TypeError);
-  const empty = await ScenePlan.of(new THREE.Scene(), { visibility });
+  for (const wrong of [{ height: NaN }, {}, { height: 1, grid: NaN }, { height: 1, grid: -1 }])
+    await assert.rejects(ScenePlan.of(new THREE.Scene(), { ...wrong, visibility }), TypeError, JSON.stringify(wrong));
+  assert.throws(() => plan.whoSees([eye], [new THREE.Box3()]), /empty box/);
+  const empty = await ScenePlan.of(new THREE.Scene(), { height: 1, visibility });
   assert.equal(empty.sees(at(0, 0), at(5, 5)), true);
+});
+
+/** Objects that are in the left of two rooms, and how they come into the right one without a frame between. */
+const MOVES = {
+  "an object whose parent moves": () => {
+    const [group, mesh] = [new THREE.Group(), new THREE.Mesh(BOX)];
+    group.add(mesh);
+    group.position.set(-5, HEIGHT, 0);
+    return { mover: mesh, all: group, move: () => (group.position.x = 5) };
+  },
+  "a static object whose parent moves": () => {
+    const [group, mesh] = [new THREE.Group(), new THREE.Mesh(BOX)];
+    group.add(mesh);
+    mesh.matrixAutoUpdate = false;
+    group.position.set(-5, HEIGHT, 0);
+    return { mover: mesh, all: group, move: () => (group.position.x = 5) };
+  },
+  "a camera that leaves its mesh behind": () => {
+    const [camera, mesh] = [new THREE.PerspectiveCamera(), new THREE.Mesh(BOX)];
+    camera.add(mesh);
+    camera.position.set(-5, HEIGHT, 0);
+    const move = () => {
+      camera.position.x = 5;
+      mesh.position.x = -10;
+    };
+    return { mover: camera, all: camera, move };
+  },
+  "a skinned mesh that its bone beside it moves": () => {
+    const geometry = BOX.clone();
+    const { count } = geometry.attributes.position;
+    geometry.setAttribute("skinIndex", new THREE.Uint16BufferAttribute(new Uint16Array(4 * count), 4));
+    const weights = Float32Array.from({ length: 4 * count }, (_, i) => (i % 4 === 0 ? 1 : 0));
+    geometry.setAttribute("skinWeight", new THREE.Float32BufferAttribute(weights, 4));
+    const [group, bone, mesh] = [new THREE.Group(), new THREE.Bone(), new THREE.SkinnedMesh(geometry)];
+    group.add(bone, mesh);
+    group.position.set(-5, HEIGHT, 0);
+    group.updateMatrixWorld();
+    mesh.bind(new THREE.Skeleton([bone]));
+    return { mover: mesh, all: group, move: () => (bone.position.x = 10) };
+  },
+  "instances that get other matrices": () => {
+    const mesh = new THREE.InstancedMesh(BOX, new THREE.MeshBasicMaterial({ transparent: true }), 1);
+    const put = (x) => mesh.setMatrixAt(0, new THREE.Matrix4().makeTranslation(x, 0, 0));
+    put(-5);
+    mesh.position.y = HEIGHT;
+    return { mover: mesh, all: mesh, move: () => put(5) };
+  },
+};
+
+for (const [name, make] of Object.entries(MOVES))
+  test(`${name} is seen where it is now`, async () => {
+    const { scene } = rooms();
+    const plan = await ScenePlan.of(scene, { height: HEIGHT, visibility });
+    const { mover, all, move } = make();
+    scene.add(all);
+    const guard = at(5, 3);
+    assert.equal(plan.whoSees([guard], [mover]).sees(guard, mover), false, "in the other room");
+    move();
+    assert.equal(plan.whoSees([guard], [mover]).sees(guard, mover), true, "in the guard's room");
+    scene.updateMatrixWorld();
+    assert.equal(plan.whoSees([guard], [mover]).sees(guard, mover), true, "after a frame");
+  });
+
+/** Returns a wall across x = 0, as wide as said. */
+function across(width = 8) {
+  const mesh = new THREE.Mesh(BOX, new THREE.MeshBasicMaterial());
+  mesh.position.y = HEIGHT;
+  mesh.scale.set(0.2, 3, width);
+  return mesh;
+}
+
+/** Walls across x = 0, and whether they stop sight. */
+const WALLS = {
+  "a plain wall": [() => across(), true],
+  "a wall on another layer": [
+    () => {
+      const wall = across();
+      wall.layers.set(1);
+      return wall;
+    },
+    false,
+  ],
+  "a wall in a clipping group": [() => Object.assign(new THREE.Group(), { isClippingGroup: true }).add(across()), false],
+  "a wall that is drawn several times": [() => Object.assign(across(), { count: 3 }), false],
+  "a wall with a callback": [() => Object.assign(across(), { onBeforeRender: () => {} }), false],
+  "instances that the card has": [
+    () => {
+      const wall = new THREE.InstancedMesh(BOX, new THREE.MeshBasicMaterial(), 1);
+      wall.instanceMatrix = { isStorageInstancedBufferAttribute: true, count: 1 };
+      return wall;
+    },
+    false,
+  ],
+};
+
+for (const [name, [make, stops]] of Object.entries(WALLS))
+  test(`${name} ${stops ? "stops" : "does not stop"} sight`, async () => {
+    const scene = new THREE.Scene().add(make());
+    const plan = await ScenePlan.of(scene, { height: HEIGHT, visibility });
+    assert.equal(plan.sees(at(-5, 0), at(5, 0)), !stops);
+    plan.dispose();
+    const box = new THREE.Box3(at(-6, -1, 1), at(6, 1, 2));
+    const cells = await CellSight.of(scene, { cell: 2, box, visibility });
+    const [here, there] = [at(-5, 0), at(5, 0)];
+    assert.equal(cells.whoSees([here], [there]).sees(here, there), !stops, "by cells");
+    cells.dispose();
+  });
+
+test("of an LOD the first level stops sight, whichever is drawn", async () => {
+  const lod = new THREE.LOD();
+  lod.addLevel(across(1), 0).addLevel(across(8), 50);
+  const scene = new THREE.Scene().add(lod);
+  const answers = async () => {
+    const plan = await ScenePlan.of(scene, { height: HEIGHT, visibility });
+    return [plan.sees(at(-5, 0), at(5, 0)), plan.sees(at(-5, 2), at(5, 2))];
+  };
+  assert.deepEqual(await answers(), [false, true], "before the first frame");
+  const camera = new THREE.PerspectiveCamera();
+  camera.position.x = 90;
+  camera.updateMatrixWorld();
+  lod.update(camera);
+  assert.deepEqual(await answers(), [false, true], "from afar");
+});
+
+test("a plan of a part is of where the part is now, and of the layers that are asked for", async () => {
+  const [group, wall] = [new THREE.Group(), across()];
+  new THREE.Scene().add(group.add(wall));
+  group.updateWorldMatrix(true, true);
+  group.position.x = 8;
+  const moved = await ScenePlan.of(wall, { height: HEIGHT, visibility });
+  assert.deepEqual([moved.sees(at(-5, 0), at(5, 0)), moved.sees(at(5, 0), at(9, 0))], [true, false]);
+  wall.layers.set(1);
+  const { layers } = wall;
+  const of = await ScenePlan.of(wall, { height: HEIGHT, layers, visibility });
+  assert.equal(of.sees(at(5, 0), at(9, 0)), false, "a wall on the layer that is asked for");
 });
 
 test("the example dims thieves whom no guard may see", async () => {
@@ -238,13 +375,15 @@ test("the example dims thieves whom no guard may see", async () => {
     return mesh;
   };
   const [guard, near, far] = [person(-8), person(-3), person(5)];
+  const cloak = new THREE.Mesh(BOX, new THREE.MeshBasicMaterial({ side: THREE.DoubleSide }));
+  guard.add(cloak);
   const { update, plan } = await watch(scene, [guard], [near, far], { height: HEIGHT, visibility });
   update();
   assert.deepEqual(
     [near, far].map(({ material }) => material.opacity),
     [1, 0.3],
   );
-  assert.ok(plan.walls.every(({ mesh }) => ![guard, near, far].includes(mesh)));
+  assert.ok(plan.walls.every(({ mesh }) => ![guard, cloak, near, far].includes(mesh)));
   guard.position.x = 8;
   guard.updateMatrixWorld();
   update();

@@ -779,7 +779,12 @@ test("many new occluders are made over several frames, in which nothing that a r
   const counts = [];
   const followed = visibility.createScene();
   visibility.createScene = () => followed;
-  const { addMesh } = Object.getPrototypeOf(followed);
+  const { addMesh, setFlags } = Object.getPrototypeOf(followed);
+  let cleared = 0;
+  followed.setFlags = function (id, flags) {
+    if (flags === 0) cleared++;
+    return setFlags.call(this, id, flags);
+  };
   followed.addMesh = function (mesh) {
     counts[counts.length - 1] += mesh.indices.length / 3;
     return addMesh.call(this, mesh);
@@ -795,6 +800,7 @@ test("many new occluders are made over several frames, in which nothing that a r
   }
   const sphere = 15872;
   assert.deepEqual(counts, [12 + 9 * sphere, 9 * sphere, 2 * sphere, 0], "triangles of new occluders");
+  assert.equal(cleared, 0, "flags that are taken from meshes that wait and have none");
   culling.dispose();
 });
 
