@@ -57,8 +57,8 @@ pub(crate) fn area(a: Point, b: Point, c: Point) -> f64 {
     cross([c, a], [c, b])
 }
 
-/// Returns a bound on the error of [`area`]: 2^-102 of the sum of the magnitudes of its two products. With u =
-/// 2^-53, each product is off by up to 8 u^2 (the low parts' product, two products with a low part, and two
+/// Returns a bound on the error of [`area`]: 2^-102 of the sum of the magnitudes of its two products. With u
+/// = 2^-53, each product is off by up to 8 u^2 (the low parts' product, two products with a low part, and two
 /// sums), the difference of the low parts by 3 u^2, and its sum with the high one by 4 u^2: 15 of 16.
 pub(crate) fn area_error(a: Point, b: Point, c: Point) -> f64 {
     let [x, y] = [0, 1].map(|axis| ((a[axis] - c[axis]) * (b[1 - axis] - c[1 - axis])).abs());

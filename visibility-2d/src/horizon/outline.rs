@@ -249,8 +249,8 @@ impl Outline {
         // The part nearer than 1/64 of the greatest depth is cut off, which loses little occlusion.
         let nearest = deepest * (1.0 / 64.0);
         let e = frame.error + error + 8.0 * U * size + f64::MIN_POSITIVE;
-        // Written so that an error that is NaN gives `None`; posts are finite. `e` is at least `8 U size`, so that `size` is below 2^47 times
-        // `nearest`, and all quotients are finite.
+        // Written so that an error that is NaN gives `None`; posts are finite. `e` is at least `8 U size`, so
+        // that `size` is below 2^47 times `nearest`, and all quotients are finite.
         let is_decided = e < nearest * 0.125 && nearest > 1e-100 && size < 1e100;
         is_decided.then_some((nearest, e))
     }

@@ -40,9 +40,9 @@ pub(super) struct Envelope {
 /// a sum.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
-/// Greatest direction of an envelope. Those of a quarter are up to 1. A line of sight in a corner direction of
-/// the quarter may pass over the end of an edge whose other side is a hole in the next quarter: the envelope
-/// tells up to there, and beyond by more than the rounding of directions.
+/// Greatest direction of an envelope. Those of a quarter are up to 1. A line of sight in a corner direction
+/// of the quarter may pass over the end of an edge whose other side is a hole in the next quarter: the
+/// envelope tells up to there, and beyond by more than the rounding of directions.
 pub(super) const REACH: f64 = 1.0 + 32.0 * f64::EPSILON;
 
 impl Line {

@@ -23,8 +23,8 @@ pub fn keeps_orientation(transform: &Affine3A) -> Option<bool> {
     sign_of_volume(axes.map(|axis| DVec3::from_array(axis.to_array().map(f64::from))))
 }
 
-/// Returns what [`keeps_orientation`] does, for a matrix in `f64`. Where the volume of its axes might overflow or
-/// underflow, they are divided by their greatest coordinates before.
+/// Returns what [`keeps_orientation`] does, for a matrix in `f64`. Where the volume of its axes might
+/// overflow or underflow, they are divided by their greatest coordinates before.
 #[inline]
 pub(crate) fn keeps_orientation_64(matrix: &DMat3) -> Option<bool> {
     let axes = [matrix.x_axis, matrix.y_axis, matrix.z_axis];

@@ -69,9 +69,9 @@ pub(super) fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: D
     let along = polygon.normal.dot(frame.eye);
     // A lower bound on the height of the eye above the polygon's slab (the layer that holds its vertices),
     // and an upper bound on its distance from points of the polygon's faces. Far from the origin, the 3 u by
-    // which a product of three terms is off, and the u of the eye's own coordinates, may be much of the height; the subtraction rounds by u of the
-    // height, which the factor below covers. In a parallel view the height is at least the sine, 1e-6, so the
-    // factor covers the product as well.
+    // which a product of three terms is off, and the u of the eye's own coordinates, may be much of the
+    // height; the subtraction rounds by u of the height, which the factor below covers. In a parallel view
+    // the height is at least the sine, 1e-6, so the factor covers the product as well.
     let (height, distance) = if frame.perspective {
         let margin = 4.0 * U * polygon.normal.abs().dot(frame.eye.abs());
         (along - high - margin, (frame.eye - middle).length() + radius + 2.0 * (high - low))

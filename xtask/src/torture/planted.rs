@@ -16,7 +16,8 @@ const SEEDS: u64 = 20;
 /// Faults by package, each with its test.
 type ByPackage = BTreeMap<String, Vec<(String, Mutant)>>;
 
-/// Reads the lines of `text` that contain `only`. `Err` with the first line that is about no place of the code.
+/// Reads the lines of `text` that contain `only`. `Err` with the first line that is about no place of the
+/// code.
 fn faults(root: &Path, text: &str, only: &str) -> Result<ByPackage, String> {
     let mut by_package = ByPackage::new();
     for line in text.lines().filter(|line| !line.is_empty() && !line.starts_with('#') && line.contains(only))
