@@ -182,9 +182,9 @@ impl BakedLevel {
         let Place::AsBaked(_, index, bounds) = place else { return };
         if let Entry::Occupied(mut lost) = self.lost_occluders.entry(index) {
             let boxes = lost.get_mut();
-            let size = |number: &usize| boxes.get(*number).map_or(0.0, |of| of.size().element_sum());
+            let size = |number: &usize| boxes.get(*number).map_or(0.0, |of| (of.max - of.min).element_sum());
             let contained = (0..boxes.len()).filter(|&number| contains(&bounds, &boxes[number]));
-            if let Some(number) = contained.max_by(|a, b| size(a).total_cmp(&size(b))) {
+            if let Some(number) = contained.max_by(|a, b| f32::total_cmp(&size(a), &size(b))) {
                 boxes.swap_remove(number);
             }
             if lost.get().is_empty() {

@@ -134,4 +134,4 @@ def test_walls_of_packed_records():
     shifted = np.frombuffer(b"\0" + walls.tobytes(), walls.dtype, offset=1).reshape(walls.shape)
     for given in [record["ends"], shifted, walls]:
         plan = Plan(given)
-        assert not plan.sees((0, 0), (4, 0)) and plan.sees((0, 0), (1, 0))
+        assert plan.sees([(0.0, 0.0)] * 2, [(4.0, 0.0), (1.0, 0.0)]).tolist() == [False, True]

@@ -281,7 +281,8 @@ def test_a_solid_box_hides_no_more_than_its_own_extent():
         scene.add_boxes([[[far + 5.2, 1000, -0.8], [far + 6.8, 1001, 0.8]]], solid=False)
         view = View.perspective((far, 0, 0), (far, 1, 0), fov_y=0.1, aspect=1.0, near=0.1)
         assert scene.cull(view).tolist() == seen, edge
-    scene = Scene()
-    scene.add_boxes([[[0.1, -9, -9], [0.1, 9, 9]]])  # no float32 is 0.1
-    scene.add_boxes([LAMP], solid=False)
-    assert scene.cull(View.perspective((-5, 0, 0), (0, 0, 0))).tolist() == [0], "a flat box still hides"
+    for thickness, seen in [(0.0, [0, 1]), (1e-9, [0, 1]), (1e-3, [0])]:
+        scene = Scene()
+        scene.add_boxes([[[0.1, -9, -9], [0.1 + thickness, 9, 9]]])
+        scene.add_boxes([LAMP], solid=False)
+        assert scene.cull(View.perspective((-5, 0, 0), (0, 0, 0))).tolist() == seen, thickness
