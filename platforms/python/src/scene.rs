@@ -50,8 +50,8 @@ impl Scene {
     }
 
     /// Returns the triangles of a solid box, with corners rounded inwards, so that it hides no more than the
-    /// box as given. Where the box is thinner than `f32` tells, both sides are rounded to the nearest. `None`
-    /// for a box that is turned inside out.
+    /// box as given. Where the box is thinner than `f32` tells, both sides are rounded to the nearest: a flat
+    /// box hides nothing. `None` for a box that is turned inside out.
     pub(crate) fn box_triangles(&self, [a, b, c, d, e, f]: [f64; 6]) -> Option<Vec<Triangle>> {
         let origin = self.scene.origin().to_array();
         let sides = [(a, d), (b, e), (c, f)];
