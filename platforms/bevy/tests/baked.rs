@@ -349,7 +349,7 @@ fn a_part_does_not_replace_another() {
     let [low, high] = [[-9.0, 0.0], [0.0, 9.0]].map(|[from, to]| [[20.0, from, -9.0], [21.0, to, 9.0]]);
     spawn(&mut app, POST, boxes[1]);
     let first = spawn(&mut app, WALL, low);
-    let mut check = |app: &mut App, is_hidden: bool, step: &str| {
+    let check = |app: &mut App, is_hidden: bool, step: &str| {
         app.update();
         assert_eq!(
             !seen_by(app, BAKED).contains(&Number(POST)),
