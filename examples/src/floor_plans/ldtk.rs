@@ -55,7 +55,7 @@ struct Layer {
     int_grid_csv: Vec<i64>,
 }
 
-/// Reads the `IntGrid` layers that are chosen by `wanted`, see [`tiles::chosen`], of all levels of a project.
+/// Reads the `IntGrid` layers that are chosen by `wanted`, see `tiles::chosen`, of all levels of a project.
 ///
 /// # Errors
 ///

@@ -1,7 +1,7 @@
 //! Plans as maps of the Tiled editor (`.tmx`): the outlines of tiles and the shapes of objects are walls,
 //! points are eyes. Coordinates are pixels, with y downwards.
 //!
-//! Any tile is solid, whatever its picture, so [`tiles::chosen`] chooses the layers. Whether a layer is shown
+//! Any tile is solid, whatever its picture, so `tiles::chosen` chooses the layers. Whether a layer is shown
 //! does not matter, since layers of walls are often hidden. Tile sets and templates are not read. Format:
 //! "TMX Map Format", the manual of Tiled.
 
@@ -22,7 +22,7 @@ const MOST_TILES: usize = 1 << 26;
 /// Number of chords of an ellipse.
 const CHORDS: usize = 32;
 
-/// Reads the layers that are chosen by `wanted`, see [`tiles::chosen`], as walls.
+/// Reads the layers that are chosen by `wanted`, see `tiles::chosen`, as walls.
 ///
 /// # Errors
 ///
