@@ -55,7 +55,7 @@ struct Level {
     /// Numbers of the faces of the leaves.
     leaf_faces: Vec<UBspValue>,
     models: Vec<BspModel>,
-    /// How the faces with each texture info are drawn. `None` where they are not.
+    /// How faces are drawn, by their texture info. `None` for a texture info whose faces are not drawn.
     surfaces: Vec<Option<Surface>>,
 }
 

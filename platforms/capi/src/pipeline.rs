@@ -86,6 +86,11 @@ pub unsafe extern "C" fn vis_pipeline_add_contribution(
     border(|| unsafe { push(pipeline, ContributionCuller::new(picture_height, min_pixels)) })
 }
 
+/// Returns a z-buffer of a size in pixels, of the default size for 0 and 0.
+pub(crate) fn z_buffer(width: usize, height: usize) -> Result<Hzb, Error> {
+    Ok(if (width, height) == (0, 0) { Hzb::default() } else { Hzb::new(width, height)? })
+}
+
 /// Appends occlusion culling by a software hierarchical z-buffer. It removes objects hidden behind objects
 /// that have a mesh and the flag `VIS_OBJECT_OCCLUDER`. `width` and `height` are the size of the buffer in
 /// pixels, 16 to 4096; 0 and 0 for the default, 512 x 288. Conservative.
@@ -96,7 +101,7 @@ pub unsafe extern "C" fn vis_pipeline_add_z_buffer(
     height: usize,
 ) -> vis_status {
     border(|| {
-        let map = if (width, height) == (0, 0) { Hzb::default() } else { Hzb::new(width, height)? };
+        let map = z_buffer(width, height)?;
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe { push(pipeline, HzbCuller::new(map)) }
     })

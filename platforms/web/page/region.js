@@ -1,5 +1,5 @@
-// What is seen from all of a box around the eye, found in a worker: what a sweep of the box hides, and of the rest what
-// a ray has seen, what is proven hidden, and what neither has decided.
+// Objects that can be seen from a box around the eye, found in a worker: a sweep of the box hides some; of the others,
+// rays have seen some, proofs hide some, and some are not decided.
 
 import { LateScene, countBits, startWorker } from "../package/late.js";
 import { Flag } from "../package/visibility.js";

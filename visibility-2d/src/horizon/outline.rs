@@ -496,7 +496,7 @@ mod tests {
                             };
                             [DoubleDouble::product(nearest, whole), along(1), along(row)]
                         };
-                        // What is compared is multiplied by the depth.
+                        // Columns and heights are compared multiplied by the depth.
                         let column = DoubleDouble::from(half).times(depth.plus(lateral));
                         let scale = depth.hi.abs();
                         let off = |found: f64, exact: DoubleDouble| {

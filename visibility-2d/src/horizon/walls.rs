@@ -276,7 +276,7 @@ mod tests {
         }
         assert_eq!(chains(&[panel(p, q, all), panel(s, r, all)]).len(), 2, "panels apart");
         assert_eq!(chains(&[panel(p, q, all), panel(r, q, all)]).len(), 2, "panels that end at one point");
-        // Of several that begin at one point, the one with the greatest common height follows.
+        // Of several panels that begin at one point, the panel with the greatest common height follows.
         let several = [panel(p, q, all), panel(q, r, [2.0, 3.0]), panel(q, s, [1.0, 4.0])];
         assert_eq!(chains(&several)[0], [0, 2], "the greater common height");
         let long: Vec<Panel> = (0..70).map(|i| panel([i as f32, 0.0], [i as f32 + 1.0, 0.0], all)).collect();

@@ -328,7 +328,7 @@ mod tests {
     }
 
     /// The sides of the box around a ball are within their errors, with room for the rounding of the centre.
-    /// Nothing is added that is not finite, or beyond the greatest number of planes.
+    /// Planes that are not finite, or beyond the greatest number, are not added.
     #[test]
     fn sides_of_balls_are_within_their_errors() {
         let mut random = Random(82);

@@ -161,6 +161,12 @@ unsafe fn look(plan: *const vis_plan, eye: *const f64, range: f64) -> Result<Vis
     Ok(answer)
 }
 
+fn sorted(walls: &[u32]) -> Vec<u32> {
+    let mut walls = walls.to_vec();
+    walls.sort_unstable();
+    walls
+}
+
 /// Writes the corners of what an eye sees, counter-clockwise, 2 coordinates each; `capacity` and `count` are
 /// numbers of coordinates. `eye` is the plan's x and y, `range` the greatest distance, infinite for none;
 /// arcs become chords inside of them. A null or too short buffer is handled as in `vis_visible_ids`.
@@ -195,8 +201,7 @@ pub unsafe extern "C" fn vis_plan_visible_walls(
     border(|| {
         // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (answer, list) = unsafe { (look(plan, eye, range)?, buffer(walls, capacity, count)?) };
-        let mut seen = answer.walls().to_vec();
-        seen.sort_unstable();
+        let seen = sorted(answer.walls());
         list.fill(seen.len(), seen.into_iter())
     })
 }
@@ -221,8 +226,7 @@ pub unsafe extern "C" fn vis_plan_walls_seen_from_region(
         let points = unsafe { array(points.cast::<[f64; 2]>(), point_count, "points") }?;
         let mut answer = RegionVisibility::new();
         plan.0.read()?.look_from_region(points, &mut answer)?;
-        let mut seen = answer.walls().to_vec();
-        seen.sort_unstable();
+        let seen = sorted(answer.walls());
         list.fill(seen.len(), seen.into_iter())
     })
 }

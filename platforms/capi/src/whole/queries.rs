@@ -1,11 +1,11 @@
 //! Queries of a scene without a view: objects by ray and box, for picking and game logic.
 
-use crate::error::{border, vis_status};
+use crate::error::{Error, border, vis_status};
 use crate::pointer::{buffer, out, reference};
 use crate::scene::{VIS_NO_OBJECT, vis_box, vis_scene};
 use visibility_core::ObjectId;
 use visibility_core::glam::Vec3;
-use visibility_frame::queries::{Ray, SceneQuery};
+use visibility_frame::queries::{Ray, RayHit, SceneQuery};
 
 /// An object whose bounds a ray hits.
 #[repr(C)]
@@ -16,6 +16,23 @@ pub struct vis_ray_hit {
     /// Distance in metres from the ray's origin to the object's bounds: 0 for bounds around the origin, and
     /// never more than the exact distance.
     pub distance: f32,
+}
+
+impl From<RayHit> for vis_ray_hit {
+    fn from(hit: RayHit) -> Self {
+        Self { object: hit.id.to_bits(), distance: hit.distance }
+    }
+}
+
+/// Returns the ray of an origin and a direction.
+///
+/// # Safety
+/// By rule P1 of `visibility.h`, each pointer is null, or valid to read: 3 numbers each.
+unsafe fn ray_of(origin: *const f32, direction: *const f32, max_distance: f32) -> Result<Ray, Error> {
+    // SAFETY: the caller promises what is asked for here.
+    let (origin, direction) =
+        unsafe { (reference(origin.cast(), "origin")?, reference(direction.cast(), "direction")?) };
+    Ok(Ray::new(Vec3::from_array(*origin), Vec3::from_array(*direction), max_distance)?)
 }
 
 /// Writes the objects on `layers` whose bounds a ray hits, nearest first: first candidates for picking by
@@ -38,16 +55,10 @@ pub unsafe extern "C" fn vis_scene_ray_hits(
         // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (scene, list) = unsafe { (reference(scene, "scene")?, buffer(hits, capacity, count)?) };
         // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 3 numbers each.
-        let (origin, direction) =
-            unsafe { (reference(origin.cast(), "origin")?, reference(direction.cast(), "direction")?) };
-        let ray = Ray::new(Vec3::from_array(*origin), Vec3::from_array(*direction), max_distance)?;
+        let ray = unsafe { ray_of(origin, direction, max_distance) }?;
         let mut found = Vec::new();
         SceneQuery::new(&scene.read()?.scene).on_layers(layers).all_hits(&ray, &mut found);
-        let hit = |hit: &visibility_frame::queries::RayHit| vis_ray_hit {
-            object: hit.id.to_bits(),
-            distance: hit.distance,
-        };
-        list.fill(found.len(), found.iter().map(hit))
+        list.fill(found.len(), found.into_iter().map(vis_ray_hit::from))
     })
 }
 
@@ -66,12 +77,10 @@ pub unsafe extern "C" fn vis_scene_first_hit(
         // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (scene, mut place) = unsafe { (reference(scene, "scene")?, out(hit, "hit")?) };
         // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 3 numbers each.
-        let (origin, direction) =
-            unsafe { (reference(origin.cast(), "origin")?, reference(direction.cast(), "direction")?) };
-        let ray = Ray::new(Vec3::from_array(*origin), Vec3::from_array(*direction), max_distance)?;
+        let ray = unsafe { ray_of(origin, direction, max_distance) }?;
         let found = SceneQuery::new(&scene.read()?.scene).on_layers(layers).first_hit(&ray);
         let none = vis_ray_hit { object: VIS_NO_OBJECT, distance: f32::INFINITY };
-        place.set(found.map_or(none, |hit| vis_ray_hit { object: hit.id.to_bits(), distance: hit.distance }));
+        place.set(found.map_or(none, vis_ray_hit::from));
         Ok(())
     })
 }

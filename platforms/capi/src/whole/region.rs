@@ -4,25 +4,30 @@ use crate::error::{Error, border, vis_status};
 use crate::pointer::{buffer, reference};
 use crate::scene::vis_scene;
 use std::cell::Cell;
+use std::fmt::Display;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 use visibility_core::{ObjectId, RegionCuller, Scene, VisibleSet};
 use visibility_exact::{CellQuery, Effort, ExactSettings, SceneTriangles, Verdict};
 use visibility_region::ExtendedProjectionCuller;
 
-/// Returns the viewcell of two corners. An error if they are not finite, or inverted.
+/// Returns the viewcell of two corners. An error that names the box if they are not finite, or inverted.
+pub(super) fn viewcell(min: DVec3, max: DVec3, name: impl Display) -> Result<Viewcell, Error> {
+    if !(min.is_finite() && max.is_finite() && min.cmple(max).all()) {
+        return Err(Error::argument(format_args!("{name} is inverted or not finite")));
+    }
+    Ok(Viewcell::from_box(min, max))
+}
+
+/// Returns the viewcell of two corners.
 ///
 /// # Safety
 /// By rule P1 of `visibility.h`, each pointer is null, or valid to read: 3 numbers each.
-unsafe fn viewcell(min: *const f64, max: *const f64) -> Result<Viewcell, Error> {
+unsafe fn viewcell_at(min: *const f64, max: *const f64) -> Result<Viewcell, Error> {
     // SAFETY: the caller promises what is asked for here.
     let (min, max) =
         unsafe { (reference(min.cast::<[f64; 3]>(), "min")?, reference(max.cast::<[f64; 3]>(), "max")?) };
-    let [min, max] = [*min, *max].map(DVec3::from_array);
-    if !(min.is_finite() && max.is_finite() && min.cmple(max).all()) {
-        return Err(Error::argument("the box is inverted or not finite"));
-    }
-    Ok(Viewcell::from_box(min, max))
+    viewcell(DVec3::from_array(*min), DVec3::from_array(*max), "the box")
 }
 
 /// Sets the bit of an object.
@@ -57,7 +62,7 @@ pub unsafe extern "C" fn vis_scene_seen_from(
         // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (scene, words) = unsafe { (reference(scene, "scene")?, buffer(words, capacity, count)?) };
         // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 3 numbers each.
-        let cell = unsafe { viewcell(min, max) }?;
+        let cell = unsafe { viewcell_at(min, max) }?;
         let scene = &scene.read()?.scene;
         let length = scene.index_limit().div_ceil(32);
         words.fill_with(length, || {
@@ -98,7 +103,7 @@ pub unsafe extern "C" fn vis_scene_prove_from(
         // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
         let (scene, words) = unsafe { (reference(scene, "scene")?, buffer(words, capacity, count)?) };
         // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 3 numbers each.
-        let cell = unsafe { viewcell(min, max) }?;
+        let cell = unsafe { viewcell_at(min, max) }?;
         if !(0.0..=1e6).contains(&clearance) {
             return Err(Error::argument(format_args!("the clearance cannot be {clearance}")));
         }

@@ -6,14 +6,14 @@ use super::level::vis_level;
 use super::online::{SharedOnline, vis_online};
 use super::pvs::vis_scene_pvs;
 use crate::error::{Error, border, vis_status};
-use crate::pipeline::{push, vis_pipeline};
+use crate::pipeline::{push, vis_pipeline, z_buffer};
 use crate::pointer::reference;
 use vis_light_kind::*;
 use visibility_2d::horizon::UpAxis;
 use visibility_core::glam::DVec3;
 use visibility_core::pvs::PvsCuller;
 use visibility_frame::casters::{CasterCuller, Light};
-use visibility_hzb::{Hzb, HzbCuller};
+use visibility_hzb::HzbCuller;
 use visibility_portals::SharedPortalCuller;
 
 /// Appends portal culling, which removes objects that cannot be seen through the open portals of a building.
@@ -157,8 +157,8 @@ pub unsafe extern "C" fn vis_pipeline_add_z_buffer_of_level(
         if !origin.is_finite() {
             return Err(Error::argument("`origin` is not finite"));
         }
-        let map = if (width, height) == (0, 0) { Hzb::default() } else { Hzb::new(width, height)? };
+        let map = z_buffer(width, height)?.with_level(level.0.clone(), origin);
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        unsafe { push(pipeline, HzbCuller::new(map.with_level(level.0.clone(), origin))) }
+        unsafe { push(pipeline, HzbCuller::new(map)) }
     })
 }

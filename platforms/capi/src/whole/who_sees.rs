@@ -4,6 +4,7 @@ use super::cells::vis_graph;
 use super::online::{lock, vis_online};
 use super::plan::{opacity, plan_of, vis_wall};
 use super::pvs::vis_pvs;
+use super::region::viewcell;
 use super::volume::{vis_volume, volumes};
 use crate::error::{Error, border, vis_status, vis_status::*};
 use crate::handle::Guarded;
@@ -13,7 +14,7 @@ use std::sync::{Arc, Mutex};
 use visibility_2d::cdt::PlanCells;
 use visibility_core::ObjectId;
 use visibility_core::glam::DVec3;
-use visibility_core::pvs::{Viewcell, Viewcells};
+use visibility_core::pvs::Viewcells;
 use visibility_core::who_sees::{Reach, ViewcellMatrix, WhoSees};
 use visibility_region::{ExtendedProjectionCuller, OnlineCells, OnlinePvs};
 
@@ -60,14 +61,11 @@ fn reaches(given: &[vis_reach], what: &str) -> Result<Vec<Reach>, Error> {
 /// Returns boxes of 6 numbers each as viewcells. An error that names the first that is not finite, or
 /// inverted.
 fn viewcells(boxes: &[[f64; 6]]) -> Result<Viewcells, Error> {
-    let viewcell = |(index, given): (usize, &[f64; 6])| {
-        let (min, max) = (DVec3::from_slice(&given[..3]), DVec3::from_slice(&given[3..]));
-        if !(min.is_finite() && max.is_finite() && min.cmple(max).all()) {
-            return Err(Error::argument(format_args!("box {index} is inverted or not finite")));
-        }
-        Ok(Viewcell::from_box(min, max))
+    let numbered = |(index, given): (usize, &[f64; 6])| {
+        let [min, max] = [&given[..3], &given[3..]].map(DVec3::from_slice);
+        viewcell(min, max, format_args!("box {index}"))
     };
-    Ok(Viewcells::new(boxes.iter().enumerate().map(viewcell).collect::<Result<Vec<_>, Error>>()?))
+    Ok(Viewcells::new(boxes.iter().enumerate().map(numbered).collect::<Result<Vec<_>, Error>>()?))
 }
 
 /// Makes sight cells from the walls of a floor plan: its triangles are the cells. `x_axis` and `y_axis` are
