@@ -79,15 +79,20 @@ struct Veil {
     object: u32,
     /// True if `object` certainly shows in the pixel, false if only rounding decides.
     shows: bool,
-    /// Whether several objects tie for the opaque triangle of the pixel, so that it is uncertain what shows
-    /// in front of it.
-    is_tied: bool,
+    /// Greatest depth key of the opaque triangles that tie for the pixel; negative infinity if none does.
+    /// Only what is in front of all of them certainly shows.
+    opaque_key: f64,
 }
 
 impl Veil {
     /// Pixel that no see-through object has reached.
-    const NONE: Self =
-        Self { nearest: NONE, depth_key: f64::NEG_INFINITY, object: u32::MAX, shows: false, is_tied: false };
+    const NONE: Self = Self {
+        nearest: NONE,
+        depth_key: f64::NEG_INFINITY,
+        object: u32::MAX,
+        shows: false,
+        opaque_key: f64::NEG_INFINITY,
+    };
 }
 
 /// Pixel counts of one see-through object.
@@ -168,7 +173,8 @@ impl Image {
     pub(crate) fn begin_see_through(&mut self) {
         self.veils.resize(self.width * self.height, Veil::NONE);
         for claim in &self.claims {
-            self.veils[claim.pixel as usize].is_tied = true;
+            let veil = &mut self.veils[claim.pixel as usize];
+            veil.opaque_key = veil.opaque_key.max(claim.depth_key);
         }
     }
 
@@ -286,7 +292,7 @@ impl Image {
 
     /// Counts the pixels of columns `first..end` of a row in which the see-through triangle `item` shows in
     /// front of the opaque triangle. A pixel is tied (only rounding decides whether the triangle shows) if
-    /// `covers` is false, the two triangles are equally near, or objects tie for the opaque triangle.
+    /// `covers` is false, or one of the opaque triangles that tie for the pixel is as near or nearer.
     fn veil_span(
         &mut self,
         row: usize,
@@ -304,7 +310,7 @@ impl Image {
             if here - held < -tie {
                 continue;
             }
-            let shows = covers && here - held > tie && !veil.is_tied;
+            let shows = covers && here - held.max(veil.opaque_key) > tie;
             let counted = &mut self.veil_pixels;
             if shows {
                 self.veil_triangle += 1;

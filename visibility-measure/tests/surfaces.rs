@@ -123,6 +123,31 @@ fn rectangle(min: [f32; 2], max: [f32; 2], depth: f32) -> [[Vec3; 3]; 2] {
     [[a, b, c], [a, c, d]]
 }
 
+/// A pane in front of walls that tie with each other shows, whichever of these the image has: hiding it is
+/// charged. Only where one of the tied walls is as near as the pane, rounding decides.
+#[test]
+fn a_pane_before_walls_that_tie_is_charged() {
+    let view = pixels(8.0, 8.0);
+    let mut buffer = ItemBuffer::new(8, 8).unwrap();
+    let wall = |shift: f32, depth| rectangle([-9.0 - shift, -9.0], [17.3, 17.1 + shift], depth);
+    // The diagonal of the last wall runs through pixel centres, so its two triangles tie there.
+    let walls = [vec![wall(0.0, 0.5), wall(0.2, 0.5)], vec![rectangle([0.0, 0.0], [8.0, 8.0], 0.5)]];
+    for walls in &walls {
+        for (depth, charged) in [(0.4, true), (0.5, false)] {
+            let pane = rectangle([-9.2, -9.0], [17.3, 17.4], depth);
+            let opaque = (1..).zip(walls).map(|(key, wall)| DrawnObject::from((key, &wall[..])));
+            let pane = DrawnObject { see_through: true, ..DrawnObject::from((9, &pane[..])) };
+            let seen = buffer.draw(&view, DVec3::ZERO, opaque.chain([pane])).unwrap();
+            let pane = seen.objects().last().unwrap();
+            let expected = if charged { (64, 0) } else { (0, 64) };
+            assert_eq!((pane.pixels, pane.tied_pixels), expected, "{} walls, pane at {depth}", walls.len());
+            let mut comparison = Comparison::default();
+            seen.compare(|_, key| key != 9, &mut comparison);
+            assert_eq!(comparison.is_exact(), !charged, "{} walls, pane at {depth}", walls.len());
+        }
+    }
+}
+
 #[test]
 fn what_ties_with_a_pane_is_not_charged() {
     let view = pixels(8.0, 8.0);

@@ -14,8 +14,8 @@ use visibility_examples::walkthrough::bake_advice::BakeEstimate;
 use visibility_examples::walkthrough::canvas::{Canvas, save_animation};
 use visibility_examples::walkthrough::judge::Judgement;
 use visibility_examples::walkthrough::{
-    Trial, World, aimed_rays, auto, cells_picture, cullers, explain, eye_picture, freeze, judge, map_picture,
-    output, run,
+    Trial, World, aimed_rays, auto, cells_picture, cullers, explain, eye_picture, freeze, judge_with_limits,
+    map_picture, output, run,
 };
 use visibility_examples::{Cameras, Hint, Reading, exit_code, load::is_made, load_as, open_as};
 use visibility_examples::{print, print::go_on_without_reader, println};
@@ -180,7 +180,7 @@ fn walk(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     drop(bar);
     let (width, height) = world.size;
     let bar = Steps::new(&format!("the exact answer at {width}x{height}"), world.views.len(), true);
-    let judgement = judge(&world, &trials, || bar.step())?;
+    let judgement = judge_with_limits(&world, &trials, || bar.step())?;
     drop(bar);
 
     println!("{}", output::truth(&judgement));

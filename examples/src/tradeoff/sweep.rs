@@ -4,7 +4,7 @@ use super::point::Point;
 use crate::walkthrough::cullers::{CullerError, parse};
 use crate::walkthrough::judge::over_ideal;
 use crate::walkthrough::output::truth;
-use crate::walkthrough::{World, judge, run_for};
+use crate::walkthrough::{World, judge_with_limits, run_for};
 use std::time::Duration;
 use visibility_measure::MeasureError;
 
@@ -77,7 +77,7 @@ pub fn sweep(
         trials.push(trial);
     }
     progress("the exact answer");
-    let judgement = judge(world, &trials, || ())?;
+    let judgement = judge_with_limits(world, &trials, || ())?;
     let frames = world.views.len() as f64;
     let pixels = f64::from(world.size.0) * f64::from(world.size.1) * frames;
     let visible = [judgement.mean_exact(), judgement.mean_visible_triangles()];

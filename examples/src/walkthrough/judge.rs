@@ -35,8 +35,8 @@ pub struct Judgement {
     /// only the object that the picture shows is listed.
     pub exact: Vec<Vec<u32>>,
     /// Box limit of each frame: the number of boxes not hidden by the triangles of all opaque objects. A
-    /// culler that only tests boxes cannot report fewer objects.
-    pub limits: Vec<usize>,
+    /// culler that only tests boxes cannot report fewer objects. Only [`judge_with_limits`] asks for it.
+    pub limits: Option<Vec<usize>>,
     /// Number of triangles with at least one visible pixel, summed over all frames.
     pub visible_triangles: u64,
     /// Verdicts, one per trial, in the order of the trials.
@@ -50,9 +50,10 @@ impl Judgement {
         sum as f64 / self.exact.len().max(1) as f64
     }
 
-    /// Returns the mean box limit per frame, in objects; 0 without frames.
+    /// Returns the mean box limit per frame, in objects; 0 without frames or limits.
     pub fn mean_limit(&self) -> f64 {
-        self.limits.iter().sum::<usize>() as f64 / self.limits.len().max(1) as f64
+        let limits = self.limits.as_deref().unwrap_or_default();
+        limits.iter().sum::<usize>() as f64 / limits.len().max(1) as f64
     }
 
     /// Returns the mean number of triangles per frame with a visible pixel; 0 without frames.
@@ -74,7 +75,7 @@ pub fn over_ideal(frame_us: f64, reported: [f64; 2], visible: [f64; 2]) -> f64 {
 struct Judged {
     frame: usize,
     exact: Vec<u32>,
-    limit: usize,
+    limit: Option<usize>,
     visible_triangles: u32,
     comparisons: Vec<Comparison>,
 }
@@ -87,6 +88,28 @@ struct Judged {
 /// Returns [`MeasureError`] when the item buffer cannot have the world's size or the world has too many
 /// triangles.
 pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Result<Judgement, MeasureError> {
+    judge_frames(world, trials, false, progress)
+}
+
+/// As [`judge`], with the box limit of each frame, which takes about as long again as the pictures.
+///
+/// # Errors
+///
+/// As [`judge`].
+pub fn judge_with_limits(
+    world: &World,
+    trials: &[Trial],
+    progress: impl Fn() + Sync,
+) -> Result<Judgement, MeasureError> {
+    judge_frames(world, trials, true, progress)
+}
+
+fn judge_frames(
+    world: &World,
+    trials: &[Trial],
+    with_limits: bool,
+    progress: impl Fn() + Sync,
+) -> Result<Judgement, MeasureError> {
     let next = AtomicUsize::new(0);
     let scene = &world.scene;
     let is_opaque = |index: u32| {
@@ -106,13 +129,17 @@ pub fn judge(world: &World, trials: &[Trial], progress: impl Fn() + Sync) -> Res
             // there counts as visible. Otherwise two coplanar walls would both count.
             let shown = seen.objects().iter().filter(|object| object.visible_triangles > 0);
             let exact: Vec<u32> = shown.map(|object| object.key).collect();
-            if !all_opaque {
-                let opaque = world.items().filter(|object| is_opaque(object.key));
-                surfaces.draw(view, world.origin(), opaque)?;
-            }
-            let surfaces = if all_opaque { &buffer } else { &surfaces };
-            let is_seen = |id: ObjectId| exact.binary_search(&(id.index() as u32)).is_ok();
-            let limit = surfaces.box_limit(scene, is_seen).count();
+            let limit = if with_limits {
+                if !all_opaque {
+                    let opaque = world.items().filter(|object| is_opaque(object.key));
+                    surfaces.draw(view, world.origin(), opaque)?;
+                }
+                let surfaces = if all_opaque { &buffer } else { &surfaces };
+                let is_seen = |id: ObjectId| exact.binary_search(&(id.index() as u32)).is_ok();
+                Some(surfaces.box_limit(scene, is_seen).count())
+            } else {
+                None
+            };
             let comparisons = trials.iter().map(|trial| {
                 let mut comparison = Comparison::default();
                 seen.compare(|_, key| trial.reported[frame].binary_search(&key).is_ok(), &mut comparison);

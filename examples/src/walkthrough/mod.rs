@@ -23,7 +23,7 @@ pub mod prepared;
 pub mod trial;
 pub mod world;
 
-pub use judge::{Verdict, judge};
+pub use judge::{Verdict, judge, judge_with_limits};
 pub use prepared::Prepared;
 pub use trial::{Trial, run, run_for};
 pub use world::World;

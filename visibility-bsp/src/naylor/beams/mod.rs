@@ -17,10 +17,16 @@
 //! does not divide a leaf again.
 //!
 //! So a polygon may fail to cover a strip as wide as a line's margin, and a farther polygon reaches an
-//! open leaf there. Margins are at most a quarter of [`MIN_VISIBLE_WIDTH`], and a part narrower than that
-//! of a wider polygon does not count as seen. A polygon that is itself so narrow is treated separately:
-//! it is cut a margin beyond each line, and where it then reaches an open leaf it is
-//! [glimpsed](Visibility::Glimpsed).
+//! open leaf there. Margins of edges are at most a quarter of [`MIN_VISIBLE_WIDTH`], those of the initial grid
+//! 4 times the corners' error, and a part of a wider polygon that is narrower than [`MIN_VISIBLE_WIDTH`] does
+//! not count as seen. A polygon that is itself so narrow is treated separately: it is cut a margin beyond
+//! each line, and where it then reaches an open leaf it is [glimpsed](Visibility::Glimpsed).
+//!
+//! # Short edges
+//! An edge hardly longer than a line's margin has ends on that line whatever the edge's direction, so it
+//! counts as an edge on the line only from 8 margins on. An edge too short to have a line gets a substitute
+//! that bounds the polygon in one direction alone. A part of such a polygon is therefore bounded by the lines
+//! of all the polygon's edges, also of those that cuts have left no piece of.
 
 use alloc::vec::Vec;
 use visibility_core::geometry::Side;
@@ -93,6 +99,13 @@ impl Line {
         let widest = 0.25 * MIN_VISIBLE_WIDTH;
         let line = Self { a: sign * a, b: sign * b, c: sign * c, margin: margin.min(widest) };
         Some((line, margin <= widest))
+    }
+
+    /// Tests whether an edge from `p` to `q`, corners on the line, has the line's direction: it is long enough
+    /// beside the margin within which both lie.
+    #[inline]
+    fn is_along(&self, p: ImageCorner, q: ImageCorner) -> bool {
+        (q.x - p.x).abs().max((q.y - p.y).abs()) > 8.0 * self.margin
     }
 
     /// Returns the signed distance of a corner from the line in NDC, positive in front.
@@ -173,6 +186,8 @@ pub(super) struct Beams {
     /// By edge of the polygon being added: the edge's line, and whether the line's margin covers the rounding
     /// errors in all of the image. `None` for an edge too short to have a line.
     lines: Vec<Option<(Line, bool)>>,
+    /// Whether an edge of the polygon being added is too short to have a line of its own.
+    has_short_edge: bool,
     /// Scratch: copy of the corners of the part being cut.
     part: Vec<ImageCorner>,
     /// Scratch: signed distances in NDC of the part's corners from the node's line.
@@ -265,6 +280,7 @@ impl Beams {
         if !closing {
             return self.test(polygon);
         }
+        self.has_short_edge = self.lines.iter().any(Option::is_none);
         self.end_strips(polygon, error);
         if !is_narrow(polygon) {
             return self.run(polygon, true);
@@ -375,7 +391,8 @@ impl Beams {
             }
             for i in 0..count {
                 let j = if i + 1 == count { 0 } else { i + 1 };
-                if self.sides[i].abs().max(self.sides[j].abs()) <= line.margin {
+                let [p, q] = [i, j].map(|corner| self.corners[task.begin + corner]);
+                if self.sides[i].abs().max(self.sides[j].abs()) <= line.margin && line.is_along(p, q) {
                     self.corners[task.begin + i].on_line = true;
                 }
             }
@@ -408,9 +425,11 @@ impl Beams {
                 }
                 match (Side::of(dp, line.margin), Side::of(dq, line.margin)) {
                     (Side::Front, Side::Front | Side::On) | (Side::On, Side::Front) => self.corners.push(p),
-                    (Side::On, Side::On | Side::Back) => {
-                        self.corners.push(ImageCorner { on_line: true, ..p });
+                    (Side::On, Side::On) => {
+                        let on_line = p.on_line || line.is_along(p, q);
+                        self.corners.push(ImageCorner { on_line, ..p });
                     }
+                    (Side::On, Side::Back) => self.corners.push(ImageCorner { on_line: true, ..p }),
                     (Side::Front, Side::Back) => {
                         self.corners.push(p);
                         self.corners.push(ImageCorner { on_line: true, ..crossing(p, q, dp, dq) });
@@ -430,16 +449,23 @@ impl Beams {
 
     /// Closes the area of the open leaf reached by `task` that the topmost part of the corner stack covers.
     /// The leaf is replaced by a chain of nodes, one for each edge of the part that has a line and is not on
-    /// a line of the tree already. Without such an edge, the whole leaf becomes closed.
+    /// a line of the tree already, or for each edge of the polygon if some have no line of their own. Without
+    /// such an edge, the whole leaf becomes closed.
     fn close(&mut self, task: Task) {
         let mut slot = (task.parent, task.side);
         let mut divided = false;
+        let count = if self.has_short_edge { self.lines.len() } else { self.corners.len() - task.begin };
         // Lines whose margin does not hold everywhere are inserted last. They then divide only the strip that
         // the other lines leave, close to their own edge.
         for certain in [true, false] {
-            for i in task.begin..self.corners.len() {
-                let ImageCorner { on_line, edge, .. } = self.corners[i];
-                match self.lines[edge as usize] {
+            for i in 0..count {
+                let (on_line, edge) = if self.has_short_edge {
+                    (false, i)
+                } else {
+                    let ImageCorner { on_line, edge, .. } = self.corners[task.begin + i];
+                    (on_line, edge as usize)
+                };
+                match self.lines[edge] {
                     Some((line, sure)) if !on_line && sure == certain => {
                         let node = self.push(slot, line, [OPEN, OPEN]);
                         slot = (node, 1);
@@ -505,193 +531,4 @@ fn crossing(p: ImageCorner, q: ImageCorner, dp: f64, dq: f64) -> ImageCorner {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Builds a polygon from pairs of NDC coordinates (x, y).
-    fn polygon(corners: &[(f64, f64)]) -> Vec<ImageCorner> {
-        corners.iter().map(|&(x, y)| ImageCorner::new(x, y)).collect()
-    }
-
-    /// Bound on the absolute NDC error of the corners in these tests.
-    const ERROR: f64 = 1e-13;
-
-    #[test]
-    fn a_picture_covered_by_polygons_is_closed_though_their_corners_are_rounded() {
-        // Rows of quadrilaterals that are divided at different positions, their common edges slanted. Corners
-        // of one row lie on edges of the next, within rounding.
-        let mut beams = Beams::default();
-        beams.begin(ERROR);
-        let (rows, slant) = (9, 0.0371);
-        let height = |row: usize, x: f64| -1.2 + 2.4 * row as f64 / rows as f64 + slant * x;
-        for row in 0..rows {
-            let columns = 5 + row * 3 % 7;
-            for column in 0..columns {
-                assert!(!beams.is_closed(), "row {row}, column {column}: the picture is not closed yet");
-                let at = |c: usize| -1.1 + 2.2 * c as f64 / columns as f64;
-                let noise = |c: usize| if (c * 7 + row * 3) % 5 < 2 { 0.5 * ERROR } else { -0.5 * ERROR };
-                let (left, right) = (at(column), at(column + 1));
-                let quad = polygon(&[
-                    (left, height(row, left) + noise(column)),
-                    (right, height(row, right) + noise(column + 1)),
-                    (right, height(row + 1, right) - noise(column + 1)),
-                    (left, height(row + 1, left) - noise(column)),
-                ]);
-                assert_eq!(
-                    beams.test_and_cover(&quad, ERROR),
-                    Visibility::Seen,
-                    "row {row}, column {column}: the quadrilateral is seen before it covers"
-                );
-            }
-        }
-        assert!(beams.is_closed(), "the picture is closed");
-        assert_eq!(
-            beams.test(&polygon(&[(-0.5, -0.5), (0.5, -0.5), (0.0, 0.5)])),
-            Visibility::Hidden,
-            "a triangle behind the closed picture"
-        );
-    }
-
-    #[test]
-    fn gaps_are_seen_through_down_to_the_tolerance() {
-        for (gap, seen) in [(0.1, true), (1e-3, true), (1e-6, true), (1e-9, false)] {
-            let mut beams = Beams::default();
-            beams.begin(ERROR);
-            let half = 0.5 * gap;
-            beams.test_and_cover(
-                &polygon(&[(-2.0, -2.0), (0.3 - half, -2.0), (0.3 - half, 2.0), (-2.0, 2.0)]),
-                ERROR,
-            );
-            beams.test_and_cover(
-                &polygon(&[(0.3 + half, -2.0), (2.0, -2.0), (2.0, 2.0), (0.3 + half, 2.0)]),
-                ERROR,
-            );
-            let visibility = beams.test(&polygon(&[(-0.9, -0.9), (0.9, -0.8), (0.9, 0.9)]));
-            assert_eq!(visibility, if seen { Visibility::Seen } else { Visibility::Hidden }, "{gap}");
-            let witness = beams.witness;
-            assert!(
-                !seen || (witness.x - 0.3).abs() <= half && witness.width <= gap,
-                "gap {gap}: the witness at {} of width {} is in the gap",
-                witness.x,
-                witness.width
-            );
-        }
-    }
-
-    #[test]
-    fn polygons_with_short_edges_hide_what_is_behind_them() {
-        // A spike without its tip, and a strip. The direction of their short edges is undetermined.
-        for shape in [
-            &[(-0.9, -0.5), (0.9, 1e-9), (0.9, 2e-9), (-0.9, 0.5)][..],
-            &[(-0.9, 0.0), (0.9, 0.0), (0.9, 1e-6), (-0.9, 1e-6)],
-        ] {
-            let mut beams = Beams::default();
-            beams.begin(ERROR);
-            let shape = polygon(shape);
-            assert_eq!(beams.test_and_cover(&shape, ERROR), Visibility::Seen, "the first polygon is seen");
-            assert_eq!(beams.test(&shape), Visibility::Hidden, "the same polygon again");
-            // Polygons beside the shape stay visible.
-            assert_eq!(
-                beams.test(&polygon(&[(0.91, -0.1), (0.95, -0.1), (0.95, 0.1), (0.91, 0.1)])),
-                Visibility::Seen,
-                "a polygon beyond the short edge"
-            );
-            assert_eq!(
-                beams.test(&polygon(&[(-0.5, 0.6), (0.5, 0.6), (0.0, 0.7)])),
-                Visibility::Seen,
-                "a polygon beside the shape"
-            );
-        }
-        // A polygon that is hardly more than a point hides nothing.
-        let mut beams = Beams::default();
-        beams.begin(ERROR);
-        beams.test_and_cover(&polygon(&[(0.3, 0.3), (0.3 + 1e-13, 0.3), (0.3, 0.3 + 1e-13)]), ERROR);
-        assert_eq!(
-            beams.test(&polygon(&[(0.2, 0.2), (0.4, 0.2), (0.3, 0.4)])),
-            Visibility::Seen,
-            "a point hides nothing"
-        );
-    }
-
-    #[test]
-    fn what_is_narrow_itself_is_glimpsed_unless_it_is_covered_for_sure() {
-        let mut beams = Beams::default();
-        beams.begin(ERROR);
-        // With nothing in front: a needle in the middle of the image, and one on a line of the tree.
-        let needle = |x: f64, low: f64, high: f64| {
-            polygon(&[(x, low), (x + 1e-12, low), (x + 1e-12, high), (x, high)])
-        };
-        assert_eq!(
-            beams.test(&needle(0.3, -0.5, 0.5)),
-            Visibility::Glimpsed,
-            "a needle with nothing in front"
-        );
-        assert_eq!(
-            beams.test(&needle(0.0, -0.5, 0.5)),
-            Visibility::Glimpsed,
-            "a needle on a line of the tree"
-        );
-        // Half of the needle is covered, or all of it, or the needle is within the margin of the covering
-        // polygon's edge.
-        assert_eq!(
-            beams.test_and_cover(&polygon(&[(0.2, -0.6), (0.4, -0.6), (0.4, 0.1), (0.2, 0.1)]), ERROR),
-            Visibility::Seen,
-            "the covering polygon is seen"
-        );
-        assert_eq!(
-            beams.test(&needle(0.3, -0.5, 0.5)),
-            Visibility::Glimpsed,
-            "half of the needle is covered"
-        );
-        assert_eq!(beams.test(&needle(0.3, -0.5, 0.0)), Visibility::Hidden, "all of the needle is covered");
-        assert_eq!(
-            beams.test(&needle(0.4, -0.5, 0.0)),
-            Visibility::Glimpsed,
-            "a needle on the covering polygon's edge"
-        );
-        assert_eq!(
-            beams.test(&needle(0.4 - 5e-13, -0.5, 0.0)),
-            Visibility::Glimpsed,
-            "a needle within the margin of the edge"
-        );
-        // A needle covers its own area, but not a needle beside it.
-        assert_eq!(
-            beams.test_and_cover(&needle(-0.3, -0.5, 0.5), 1e-16),
-            Visibility::Glimpsed,
-            "the first needle is narrow itself"
-        );
-        assert_eq!(
-            beams.test(&needle(-0.3 + 2e-12, -0.5, 0.5)),
-            Visibility::Glimpsed,
-            "a needle beside the first"
-        );
-    }
-
-    #[test]
-    fn strips_end_where_their_edge_is_too_short_for_a_line() {
-        let (error, width) = (1e-8, 3e-7);
-        let strip = |left: f64, right: f64| {
-            polygon(&[(left, 0.3), (right, 0.3), (right, 0.3 + width), (left, 0.3 + width)])
-        };
-        for flip in [false, true] {
-            let mut beams = Beams::default();
-            beams.begin(error);
-            let mut before = strip(-0.4, 0.4);
-            if flip {
-                before.rotate_left(2);
-            }
-            assert_eq!(
-                beams.test_and_cover(&before, error),
-                Visibility::Seen,
-                "flipped: {flip}: the strip is seen"
-            );
-            for (left, right) in [(0.41, 0.49), (-0.49, -0.41)] {
-                assert_eq!(
-                    beams.test(&strip(left, right)),
-                    Visibility::Seen,
-                    "flipped: {flip}: the strip's continuation from {left} to {right}"
-                );
-            }
-        }
-    }
-}
+mod tests;
