@@ -450,6 +450,28 @@ fn extreme_scenes_and_views_hide_nothing_by_mistake() {
     }
 }
 
+/// Ground of squares so small that each triangle is narrower than the tolerance, more than a kilometre away: together
+/// they are wider, and are seen. Behind a wall they are hidden.
+#[test]
+fn triangles_narrower_than_the_tolerance_are_seen_together() {
+    let mut scene = Scene::new();
+    let tiles: Vec<Triangle> = (0..400)
+        .flat_map(|i| {
+            let (x, y) = (1500.0 + 0.1 * (i / 20) as f32, 0.1 * (i % 20) as f32 - 1.0);
+            let [a, b, c, d] = [(x, y), (x + 0.1, y), (x + 0.1, y + 0.1), (x, y + 0.1)];
+            [[a, b, c], [a, c, d]].map(|triangle| triangle.map(|(x, y)| Vec3::new(x, y, -1.7)))
+        })
+        .collect();
+    let ground = add(&mut scene, &tiles, true);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.2, 1.0, 0.1, f64::INFINITY).unwrap();
+    let found =
+        |scene: &Scene| reported(&mut NaylorCuller::new(SceneTree::new(scene).unwrap()), scene, &view);
+    assert!(found(&scene).contains(&(ground.index() as u32)), "the ground, with nothing in front");
+    add(&mut scene, &square(50.0, 20.0), true);
+    assert_eq!(found(&scene).len(), 1, "the wall alone, which hides all else");
+}
+
 #[test]
 fn thin_triangles_in_one_plane_do_not_hide_each_other() {
     let mut random = Random(38);

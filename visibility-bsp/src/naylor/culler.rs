@@ -1,6 +1,6 @@
 //! The exact culler: a front-to-back walk of the scene's tree that inserts polygons into the beam tree.
 
-use super::beams::{Beams, Visibility, VisiblePoint};
+use super::beams::{Beams, Glimpse, Visibility, VisiblePoint};
 use super::screen_projection::{ProjectedPolygon, ScreenProjection};
 use crate::scene_tree::{SceneTree, StaleObjects};
 use crate::tree::{Fragment, Fragments, Subtree, TraversalStack, TreeVisitor};
@@ -21,8 +21,10 @@ use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, Visibl
 /// tree.
 ///
 /// # Tolerance
-/// A gap or a visible part narrower than 1e-7 of half the image (1/8000 of a pixel at 2560 pixels across) may
-/// be missed, such as a face seen edge on. An object wholly beyond the near plane whose whole box is that
+/// A gap or a visible part of a triangle narrower than 1e-7 of half the image (1/8000 of a pixel at 2560
+/// pixels across) may be missed, such as a face seen edge on. In gaps, the image is divided further at lines
+/// of polygons and of an 8 by 8 grid, and each part counts alone. Triangles of an object that are all so
+/// narrow count by what they show together. An object wholly beyond the near plane whose whole box is that
 /// narrow is reported visible. Where the scene's coordinates are so large that image positions are not known
 /// to 1e-8 of half the image, every object stays visible.
 ///
@@ -72,6 +74,8 @@ struct Scratch {
     image: ProjectedPolygon,
     /// Visibility state in the present frame, by object index.
     states: Vec<ObjectState>,
+    /// What narrow fragments have shown of objects that are not surely seen.
+    glimpses: Vec<Glimpse>,
     /// By object index: the object seen in the last frame and the position of its first visible part. `None`
     /// for an object that was hidden or not tested.
     witnesses: Vec<Option<(ObjectId, VisiblePoint)>>,
@@ -85,9 +89,9 @@ enum ObjectState {
     /// The object is not in the incoming visible set, is on no layer of the view, or its triangles in the
     /// tree are missing or out of date. Its fragments are skipped.
     None,
-    /// No fragment has been surely seen so far. `glimpsed`: true if a fragment too narrow to be certain has
-    /// reached uncovered image area, false if none has.
-    Hidden { surface: Surface, glimpsed: bool },
+    /// No fragment has been surely seen so far. `glimpse`: index in `Scratch::glimpses` of what fragments too
+    /// narrow to be certain have shown in uncovered image area; `None` if none has.
+    Hidden { surface: Surface, glimpse: Option<u32> },
     /// A fragment has been seen. Further fragments matter only if the object is an occluder.
     Seen { surface: Surface },
 }
@@ -149,6 +153,7 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
             return visible.retain(scene, |_, _| true);
         };
         stale.begin(shared, scene);
+        scratch.glimpses.clear();
         scratch.states.clear();
         scratch.states.resize(scene.index_limit(), ObjectState::Unknown);
         scratch.witnesses.resize(scene.index_limit(), None);
@@ -161,9 +166,9 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
         let kept = visible.retain(scene, |id, bounds| match scratch.states[id.index()] {
             ObjectState::Seen { .. } => true,
             // A glimpsed part of a wide object is a face seen edge on, which does not count as visible.
-            // `glimpsed` decides only for a box that reaches in front of the near plane, whose width in the
+            // `glimpse` decides only for a box that reaches in front of the near plane, whose width in the
             // image is unknown.
-            ObjectState::Hidden { glimpsed, .. } => projection.is_narrow(bounds).unwrap_or(glimpsed),
+            ObjectState::Hidden { glimpse, .. } => projection.is_narrow(bounds).unwrap_or(glimpse.is_some()),
             _ => !stale.is_known(shared, id) || projection.is_narrow(bounds) == Some(true),
         });
         stats.visible = kept.visible;
@@ -204,7 +209,7 @@ impl Frame<'_> {
                     || self.scene.triangles(id).is_ok_and(|triangles| triangles.has_certain_fronts());
                 let occluder = self.scene.can_occlude(id) && is_known;
                 let surface = Surface { occluder, one_sided: object.one_sided && is_known };
-                ObjectState::Hidden { surface, glimpsed: false }
+                ObjectState::Hidden { surface, glimpse: None }
             }
             _ => ObjectState::None,
         };
@@ -226,7 +231,7 @@ impl Frame<'_> {
         if surface.one_sided && !is_front(&fragment.plane(), self.eye) {
             return;
         }
-        let Scratch { beams, image, states, witnesses } = &mut *self.scratch;
+        let Scratch { beams, image, states, glimpses, witnesses } = &mut *self.scratch;
         if !self.projection.draw(fragment.vertices(), image) {
             return;
         }
@@ -236,13 +241,22 @@ impl Frame<'_> {
         } else {
             beams.test(&image.polygon)
         };
-        let ObjectState::Hidden { glimpsed, .. } = state else { return };
+        let ObjectState::Hidden { mut glimpse, .. } = state else { return };
         let owner = fragment.owner() as usize;
-        states[owner] = if visibility == Visibility::Seen {
+        let is_wide = visibility == Visibility::Glimpsed && {
+            // A fragment among others in its plane counts twice, which only shows more.
+            let index = *glimpse.get_or_insert(glimpses.len() as u32) as usize;
+            if index == glimpses.len() {
+                glimpses.push(Glimpse::default());
+            }
+            glimpses[index].add(&beams.glimpse);
+            glimpses[index].is_wide()
+        };
+        states[owner] = if visibility == Visibility::Seen || is_wide {
             witnesses[owner] = self.shared.object(owner as u32).map(|id| (id, beams.witness));
             ObjectState::Seen { surface }
         } else {
-            ObjectState::Hidden { surface, glimpsed: glimpsed || visibility == Visibility::Glimpsed }
+            ObjectState::Hidden { surface, glimpse }
         };
     }
 }

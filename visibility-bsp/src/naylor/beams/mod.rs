@@ -132,6 +132,51 @@ pub(super) enum Visibility {
     Seen,
 }
 
+/// What narrow polygons of one object show in open leaves: too narrow each, but together they may be wide.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Glimpse {
+    /// Sum of the areas in open leaves in NDC. Parts within the margin of a line count on both its sides.
+    area: f64,
+    /// Least and greatest coordinates of the parts in NDC.
+    least: [f64; 2],
+    greatest: [f64; 2],
+}
+
+impl Default for Glimpse {
+    fn default() -> Self {
+        Self { area: 0.0, least: [f64::INFINITY; 2], greatest: [f64::NEG_INFINITY; 2] }
+    }
+}
+
+impl Glimpse {
+    /// Adds a part in an open leaf, and the part's area.
+    fn add_part(&mut self, part: &[ImageCorner], area: f64) {
+        self.area += area;
+        for corner in part {
+            for (axis, value) in [corner.x, corner.y].into_iter().enumerate() {
+                self.least[axis] = self.least[axis].min(value);
+                self.greatest[axis] = self.greatest[axis].max(value);
+            }
+        }
+    }
+
+    /// Adds what other polygons of the same object show.
+    pub(super) fn add(&mut self, other: &Self) {
+        self.area += other.area;
+        for axis in 0..2 {
+            self.least[axis] = self.least[axis].min(other.least[axis]);
+            self.greatest[axis] = self.greatest[axis].max(other.greatest[axis]);
+        }
+    }
+
+    /// Tests whether the parts together are wider than [`MIN_VISIBLE_WIDTH`]: their area divided by the
+    /// longer side of the rectangle around them.
+    pub(super) fn is_wide(&self) -> bool {
+        let longest = (self.greatest[0] - self.least[0]).max(self.greatest[1] - self.least[1]);
+        self.area > MIN_VISIBLE_WIDTH * longest
+    }
+}
+
 /// An inner node of the beam tree: a line in NDC that divides an image region in two.
 #[derive(Clone, Copy, Debug)]
 struct Node {
@@ -195,6 +240,8 @@ pub(super) struct Beams {
     /// Widest uncovered part found by the last `test` or `test_and_cover`; its width is negative if none
     /// was found.
     pub(super) witness: VisiblePoint,
+    /// What the last `test` or `test_and_cover` of a narrow polygon found in open leaves.
+    pub(super) glimpse: Glimpse,
 }
 
 /// Value of `Node::parent` and `Task::parent` for the root of the tree, which has no parent.
@@ -287,9 +334,9 @@ impl Beams {
         }
         // A narrow polygon is tested with margins but must cover without them, so it is run twice.
         let visibility = self.test(polygon);
-        let witness = self.witness;
+        let found = (self.witness, self.glimpse);
         self.run(polygon, true);
-        self.witness = witness;
+        (self.witness, self.glimpse) = found;
         visibility
     }
 
@@ -322,6 +369,7 @@ impl Beams {
     /// seen.
     fn run(&mut self, polygon: &[ImageCorner], closing: bool) -> Visibility {
         self.witness.width = -1.0;
+        self.glimpse = Glimpse::default();
         self.tasks.clear();
         self.corners.clear();
         let narrow = is_narrow(polygon);
@@ -339,7 +387,11 @@ impl Beams {
             match *self.child_mut((task.parent, task.side)) {
                 CLOSED => self.corners.truncate(task.begin),
                 OPEN => {
-                    let witness = witness(&self.corners[task.begin..]);
+                    let part = &self.corners[task.begin..];
+                    let (witness, area) = witness(part);
+                    if narrow {
+                        self.glimpse.add_part(part, area);
+                    }
                     if !task.thin && witness.width > MIN_VISIBLE_WIDTH {
                         visibility = Visibility::Seen;
                     } else if narrow && visibility == Visibility::Hidden {
@@ -504,12 +556,12 @@ impl Beams {
 /// Tests whether a polygon is at most 4 [`MIN_VISIBLE_WIDTH`] wide, by area divided by the longest edge.
 /// True for a degenerate polygon. `polygon` must not be empty.
 fn is_narrow(polygon: &[ImageCorner]) -> bool {
-    witness(polygon).width <= 4.0 * MIN_VISIBLE_WIDTH
+    witness(polygon).0.width <= 4.0 * MIN_VISIBLE_WIDTH
 }
 
-/// Returns the mean of a part's corners and the part's approximate width in NDC: its area divided by the
-/// greatest horizontal or vertical extent of an edge, 0 for a point. `part` must not be empty.
-fn witness(part: &[ImageCorner]) -> VisiblePoint {
+/// Returns the mean of a part's corners with the part's approximate width in NDC, its area divided by the
+/// greatest horizontal or vertical extent of an edge, 0 for a point; and the area. `part` must not be empty.
+fn witness(part: &[ImageCorner]) -> (VisiblePoint, f64) {
     let (mut x, mut y, mut area, mut longest) = (0.0, 0.0, 0.0f64, 0.0f64);
     let first = part[0];
     for (i, p) in part.iter().enumerate() {
@@ -519,7 +571,8 @@ fn witness(part: &[ImageCorner]) -> VisiblePoint {
         area += (p.x - first.x) * (q.y - first.y) - (p.y - first.y) * (q.x - first.x);
         longest = longest.max((q.x - p.x).abs().max((q.y - p.y).abs()));
     }
-    VisiblePoint { x, y, width: if longest > 0.0 { 0.5 * area.abs() / longest } else { 0.0 } }
+    let area = 0.5 * area.abs();
+    (VisiblePoint { x, y, width: if longest > 0.0 { area / longest } else { 0.0 } }, area)
 }
 
 /// Returns the point in NDC at which the edge from `p` to `q` meets a line with signed distances `dp` and
