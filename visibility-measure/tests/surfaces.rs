@@ -148,6 +148,21 @@ fn a_pane_before_walls_that_tie_is_charged() {
     }
 }
 
+/// Pixel centres on an edge of a wall before a pane: the wall may cover them, though the picture shows the wall
+/// behind the pane. The wall covers the columns to one of its two sides, and ties at the other.
+#[test]
+fn a_pane_ties_where_a_nearer_wall_may_cover_it() {
+    let mut buffer = ItemBuffer::new(8, 8).unwrap();
+    let far = rectangle([-9.0, -9.0], [17.3, 17.1], 0.5);
+    let near = rectangle([2.5, -9.0], [4.5, 17.1], 0.3);
+    let pane = rectangle([-9.2, -9.0], [17.3, 17.4], 0.4);
+    let opaque = [(0, &far[..]), (1, &near[..])].map(DrawnObject::from);
+    let pane = DrawnObject { see_through: true, ..DrawnObject::from((2, &pane[..])) };
+    let seen = buffer.draw(&pixels(8.0, 8.0), DVec3::ZERO, opaque.into_iter().chain([pane])).unwrap();
+    let pane = seen.objects()[2];
+    assert_eq!((pane.pixels, pane.tied_pixels), (5 * 8, 8), "columns beside the wall, and on its edge");
+}
+
 #[test]
 fn what_ties_with_a_pane_is_not_charged() {
     let view = pixels(8.0, 8.0);
