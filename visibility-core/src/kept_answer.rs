@@ -50,9 +50,9 @@ impl KeptAnswer {
         self.reach
     }
 
-    /// Drops the answer.
+    /// Drops the answer. The next frame is as a first one: it culls for its own view.
     pub(crate) fn forget(&mut self) {
-        (self.region, self.is_kept, self.pause) = (None, false, 0);
+        *self = Self::new(self.reach);
     }
 
     /// Returns whether the answer, which `visible` must hold, is good for `view` of `scene`, and records

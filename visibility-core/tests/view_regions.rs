@@ -170,6 +170,18 @@ fn answers_are_kept_within_the_reach() {
 }
 
 #[test]
+fn a_pipeline_that_is_reset_answers_as_a_new_one() {
+    let at = ahead(0.0, 50.0);
+    let mut world = World::new(Reach::new(0.1, 0.1));
+    let wide = world.visible.count(&world.scene);
+    world.pipeline.reset();
+    assert!(!world.cull(&at), "no answer is left to keep");
+    let first = world.visible.count(&world.scene);
+    assert!(first < wide, "{first} objects for the view alone, {wide} for its region");
+    assert!(!world.cull(&at) && world.cull(&at), "from the second frame on as ever");
+}
+
+#[test]
 fn stale_answers_are_never_kept() {
     let at = ahead(0.0, 50.0);
     let mut world = World::new(Reach::new(0.1, 0.1));
@@ -216,7 +228,7 @@ fn stale_answers_are_never_kept() {
     world.pipeline.set_reach(Some(Reach::new(0.2, 0.1)));
     assert!(!world.cull(&at) && !world.cull(&at) && world.cull(&at), "another reach");
     world.pipeline.push(Box::new(FrustumCuller::new()));
-    assert!(!world.cull(&at) && world.cull(&at), "another stage");
+    assert!(!world.cull(&at) && !world.cull(&at) && world.cull(&at), "another stage");
     world.pipeline.set_reach(None);
     assert!(!world.cull(&at) && !world.cull(&at), "no reach");
 }

@@ -157,6 +157,33 @@ fn sight_lines_are_unobstructed() {
     assert!(checked > 300, "{checked}");
 }
 
+/// A one-sided wall stops rays at the side that its transform makes the front.
+#[test]
+fn fronts_follow_transforms() {
+    // The front of the mesh faces along +x; from the viewcell, along -x, it is seen in a mirror alone.
+    for (scale, blocks, is_seen) in [
+        ([1.0, 1.0, 1.0], false, false),
+        ([-1.0, 1.0, 1.0], true, true),
+        // Flattened to a line, it has no certain front.
+        ([0.0, 0.0, 1.0], false, true),
+    ] {
+        let mut scene = Scene::new();
+        let corners = [[0.0, -9.0, -9.0], [0.0, 9.0, -9.0], [0.0, 0.0, 9.0]].map(Vec3::from_array);
+        let bounds = Aabb::from_arrays([5.0, -9.0, -9.0], [5.0, 9.0, 9.0]);
+        let wall = scene.insert(Object { occluder: true, one_sided: true, ..Object::new(bounds) });
+        let mesh = scene.add_mesh(OccluderMesh::from_indexed(&corners, &[[0, 1, 2]]).unwrap());
+        let transform =
+            Affine3A::from_scale_rotation_translation(Vec3::from_array(scale), Quat::IDENTITY, Vec3::X * 5.0);
+        scene.set_mesh(wall, mesh, transform).unwrap();
+        let behind = scene.insert(Aabb::from_arrays([8.0, 0.0, 0.0], [8.5, 0.5, 0.5]));
+        let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+        let mut visible = VisibleSet::new();
+        SamplingCuller::new().with_rays(4000).cull(&scene, &cell, &mut visible);
+        assert_eq!(visible.contains(&scene, behind), !blocks, "what is behind a wall of scale {scale:?}");
+        assert_eq!(visible.contains(&scene, wall), is_seen, "the wall of scale {scale:?}");
+    }
+}
+
 #[test]
 fn what_is_no_occluder_is_seen_and_seen_through() {
     let mut scene = Scene::new();

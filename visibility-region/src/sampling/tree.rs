@@ -4,6 +4,7 @@
 use super::ray::Ray;
 use crate::blocker::Placement;
 use alloc::vec::Vec;
+use visibility_core::geometry::keeps_orientation;
 use visibility_core::glam::{Affine3A, Vec3};
 use visibility_core::level_version::level_object;
 use visibility_core::scene::SceneCursor;
@@ -129,8 +130,14 @@ impl TriangleTree {
                     largest = largest.max(placed(i).abs().max_element());
                     placed(i).as_vec3()
                 };
-                let triangles = mesh.triangles().iter().map(|t| t.map(&mut place));
+                let keeps = keeps_orientation(transform);
+                let turned = |[a, b, c]: [u32; 3]| if keeps == Some(false) { [a, c, b] } else { [a, b, c] };
+                let triangles = mesh.triangles().iter().map(|&t| turned(t).map(&mut place));
                 self.corners.extend(triangles.filter(|t| t.iter().all(|p| p.is_finite())));
+                // Of a flattened mesh, no side is certainly the front.
+                if keeps.is_none() && object.one_sided {
+                    (owner.blocks, owner.one_sided) = (false, false);
+                }
                 // Corners that were transformed and rounded to `f32` may be off by `slack` metres. A ray that
                 // passes within this distance does not certainly meet the triangle.
                 if *transform != Affine3A::IDENTITY {
