@@ -15,7 +15,8 @@ use visibility_occluders::LevelOccluders;
 ///
 /// Objects are numbered from 0 in the order in which they are added. Coordinates are in metres, of any axes;
 /// they are kept in single precision relative to origin, so choose an origin amid the scene. two_sided:
-/// whether triangles hide from behind as well, for models whose faces do not all face outwards.
+/// whether triangles show and hide from behind as well, for models whose faces do not all face outwards. Without
+/// it no method lets a triangle hide what is seen past its back.
 #[pyclass(module = "visibility", subclass)]
 pub(crate) struct Scene {
     pub(crate) scene: scene::Scene,
@@ -77,7 +78,9 @@ impl Scene {
         occluder: bool,
     ) -> PyResult<ObjectId> {
         let occluder = occluder && triangles.is_some();
-        let id = self.scene.insert(Object { occluder, ..Object::new(bounds) });
+        // Also what joins occluders, proves and bakes reads the flag, beside the mesh that is prepared below.
+        let one_sided = !self.two_sided;
+        let id = self.scene.insert(Object { occluder, one_sided, ..Object::new(bounds) });
         if let Some(triangles) = triangles {
             let settings = Preparation::default().with_two_sided(self.two_sided);
             let mesh = if occluder { prepare(&triangles, &settings) } else { None };
