@@ -6,8 +6,16 @@
 
 import { Box3, BufferAttribute, BufferGeometry, Layers, Matrix4, Vector3 } from "three";
 import { Flag, Opacity, load } from "visibility-web";
-import { isPlacedWell, moveBox, place } from "./boxes.js";
-import { hasInstances, hasMatrices, isApart, isCountedElsewhere, isUsual, partOf } from "./entries.js";
+import { moveBox, place } from "./boxes.js";
+import {
+  hasInstances,
+  hasMatrices,
+  isApart,
+  isCountedElsewhere,
+  isUsual,
+  partOf,
+  placeOccluder,
+} from "./entries.js";
 import { countOf } from "./instances.js";
 import { Shape, Surface, Surfaces, trianglesOf } from "./surfaces.js";
 
@@ -361,7 +369,7 @@ export class CellSight {
 
 /** Puts a mesh that hides into a scene of the library. */
 function insert(scene, mesh, origin) {
-  const { object, surface, many, count } = mesh;
+  const { surface, many, count } = mesh;
   const matrix = new Matrix4();
   const bounds = new Float64Array(6);
   for (let i = 0; i < count; i++) {
@@ -369,13 +377,9 @@ function insert(scene, mesh, origin) {
     if (!shape?.box) continue;
     const margin = place(mesh, i, matrix);
     moveBox(bounds, 0, shape.box, matrix.elements, origin, margin);
-    // As in `VisibilityCulling`: the card takes the front for the back of an instance that is mirrored beside its mesh.
-    const isMirrored = many !== null && !(matrix.determinant() * object.matrixWorld.determinant() > 0);
-    if ((isMirrored && surface !== Surface.Double) || !isPlacedWell(bounds, 0, margin)) continue;
+    if (!placeOccluder(mesh, i, origin, bounds, 0, matrix)) continue;
     const id = shape.mesh(scene, surface, MOST_TRIANGLES);
     if (id === null) continue;
-    for (let k = 0; k < 3; k++) matrix.elements[12 + k] -= origin[k];
-    if (!matrix.elements.every((x) => Number.isFinite(Math.fround(x)))) continue;
     const min = bounds.slice(0, 3);
     const made = scene.insert({ bounds: { min, max: bounds.slice(3) } });
     scene.setMesh(made, id, matrix.elements);

@@ -48,15 +48,19 @@ export interface CullingStats {
   followMs: number;
   cullMs: number;
   applyMs: number;
-  /** With `worker`: whether its answer was used in this frame, why not, how old it is, and what it took. */
-  late?: { isUsed: boolean; reason: string; ageMs: number; workerMs: number };
+  /**
+   * With `worker`: whether its answer was used in this frame, why not, how old it is, and what it took. `refusal` is
+   * the last message of the worker, empty if there was none: a mesh that hides nothing, or why it does not work at all.
+   */
+  late?: { isUsed: boolean; reason: string; ageMs: number; workerMs: number; refusal: string };
 }
 
 /** Culls a scene for its cameras, each time that one of them draws it. */
 export class VisibilityCulling {
   /**
-   * Follows a scene from now on. Until the library is loaded, nothing is hidden. Throws a `TypeError` if
-   * `scene` is not a `THREE.Scene` or a camera is not a `THREE.Camera`.
+   * Follows a scene from now on. Until the library is loaded, nothing is hidden. A camera that another culling
+   * has for the scene is taken from it; a culling that has lost its last camera so is disposed of. Throws a
+   * `TypeError` if `scene` is not a `THREE.Scene` or a camera is not a `THREE.Camera`.
    */
   constructor(scene: Scene, cameras: Camera | readonly Camera[], options?: CullingOptions);
   readonly scene: Scene;
