@@ -71,6 +71,19 @@ function isElsewhere(object) {
   return object.isInstancedMesh && !hasMatrices(object);
 }
 
+/** Returns the box around a sprite whichever way it turns. `rectangle` is that of its geometry. */
+function spriteBox({ center, matrixWorld }, { min, max }) {
+  const scale = new Vector3().setFromMatrixScale(matrixWorld);
+  // The sprite turns around its center, which is a point of the square from (0, 0) to (1, 1).
+  const reach = (axis) => {
+    const middle = center[axis] - 0.5;
+    return Math.max(Math.abs(min[axis] - middle), Math.abs(max[axis] - middle)) * scale[axis];
+  };
+  const radius = Math.hypot(reach("x"), reach("y"));
+  const place = new Vector3().setFromMatrixPosition(matrixWorld);
+  return new Box3(place.clone(), place).expandByScalar(radius);
+}
+
 /** Returns the box around an object and all within it, as they are now: without instances that are elsewhere. */
 function boxOf(object) {
   updateWorld(object);
@@ -82,7 +95,8 @@ function boxOf(object) {
     // `Box3.setFromObject` takes the box of bones and instances as they were when it was first asked for.
     const own = part.boundingBox === undefined ? part.geometry : part;
     if (own === part || own.boundingBox === null) own.computeBoundingBox();
-    box.union(own.boundingBox.clone().applyMatrix4(part.matrixWorld));
+    if (part.isSprite) box.union(spriteBox(part, own.boundingBox));
+    else box.union(own.boundingBox.clone().applyMatrix4(part.matrixWorld));
   });
   return box;
 }
