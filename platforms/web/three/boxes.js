@@ -44,6 +44,19 @@ const PLACED_TO = 2 ** -13;
  */
 const LEAST_DETERMINANT = 1e-5;
 
+/**
+ * Adds an occluder mesh to a scene of the library. Returns its id, or null if the library refuses it, so that it hides
+ * nothing: no triangle has an area, or vertices are beyond what is kept.
+ */
+export function addOccluderMesh(scene, mesh) {
+  try {
+    return scene.addMesh(mesh);
+  } catch (error) {
+    if (error?.code === "ARGUMENT") return null;
+    throw error;
+  }
+}
+
 const boneMatrix = new Matrix4();
 const bounds = new Float64Array(6);
 

@@ -11,8 +11,7 @@ import {
   Sphere,
   Vector3,
 } from "three";
-import { VisibilityError } from "visibility-web";
-import { emptyBox } from "./boxes.js";
+import { addOccluderMesh, emptyBox } from "./boxes.js";
 
 /** What a mesh is to the culler. From `Front` on it hides others, from the sides that are named. */
 export const Surface = Object.freeze({ NeverHidden: 0, Hideable: 1, Front: 2, Back: 3, Double: 4 });
@@ -205,15 +204,8 @@ export class Shape {
     if (surface === Surface.Back) {
       for (let i = 0; i < indices.length; i += 3) [indices[i], indices[i + 1]] = [indices[i + 1], indices[i]];
     }
-    let mesh;
-    try {
-      mesh = scene.addMesh({ positions, indices, twoSided: surface === Surface.Double });
-    } catch (error) {
-      // No triangle has an area, or the library cannot keep the vertices: the mesh hides nothing.
-      if (error instanceof VisibilityError && error.code === "ARGUMENT") return null;
-      throw error;
-    }
-    this.sphere ??= sphereOfPoints(positions, this.box);
+    const mesh = addOccluderMesh(scene, { positions, indices, twoSided: surface === Surface.Double });
+    if (mesh !== null) this.sphere ??= sphereOfPoints(positions, this.box);
     return mesh;
   }
 
