@@ -1,14 +1,18 @@
 // Cameras of a scene: which culling has each, where the library's origin is for them, and whether their pictures have
 // depth.
 
+import { Surface } from "./surfaces.js";
+
 /** By scene: by camera, the culling that has it. */
 const cullings = new WeakMap();
 /**
- * Distance along an axis of all eyes from the origin of the library's coordinates, in units of the scene, from which on
- * the origin moves to an eye. At that distance single precision places occluders of 7 units and more to 1/8,192 of
- * their size, and smaller ones whose place it happens to hold.
+ * Distance along an axis of all eyes from the origin of the library's coordinates from which on the origin moves to an
+ * eye, in sizes of usual occluders. Up to there, single precision places these to 2^-13 of their size: a coordinate is
+ * rounded by 2^-24 of it at most, the three together by sqrt(3) times that, and 2^10 sqrt(3) 2^-24 < 2^-13.
  */
-const FARTHEST_ORIGIN = 1 << 14;
+const FARTHEST_ORIGIN = 1 << 10;
+/** Number of occluders, at most, that their usual size is taken of. */
+const MOST_SIZES = 64;
 
 /**
  * Gives a camera of a scene to a culling. Returns the one that has had it, which must give it up: both would hide the
@@ -28,14 +32,26 @@ export function releaseCamera(scene, camera, culling) {
   if (byCamera?.get(camera) === culling) byCamera.delete(camera);
 }
 
+/** Returns the median size of the boxes of some occluders among entries. Infinite if there are none. */
+export function usualSize(entries, scene) {
+  const occluders = entries.filter(({ surface, count }) => surface > Surface.Hideable && count > 0);
+  const sizes = [];
+  for (let i = 0; i < occluders.length; i += Math.ceil(occluders.length / MOST_SIZES)) {
+    const { min, max } = scene.bounds(occluders[i].ids[0]);
+    const size = Math.max(...min.map((low, k) => max[k] - low));
+    if (size > 0) sizes.push(size);
+  }
+  return sizes.sort((a, b) => a - b)[sizes.length >> 1] ?? Infinity;
+}
+
 /**
  * Returns the origin for a frame as `eye` sees it, where the eyes of `cameras` are followed: the present one, the same
- * array, while one of them is near it or nowhere, else the place of `eye`.
+ * array, while one of them is near it or nowhere, else the place of `eye`. `size` is that of usual occluders.
  */
-export function originFor(eye, cameras, origin) {
+export function originFor(eye, cameras, origin, size) {
   const isNear = (camera) => {
     const { elements } = camera.eye.matrixWorld;
-    return !origin.some((x, k) => Math.abs(elements[12 + k] - x) > FARTHEST_ORIGIN);
+    return !origin.some((x, k) => Math.abs(elements[12 + k] - x) > FARTHEST_ORIGIN * size);
   };
   if (origin && cameras.some(isNear)) return origin;
   return eye.matrixWorld.elements.slice(12, 15).map((x) => (Number.isFinite(x) ? Math.round(x) : 0));

@@ -15,7 +15,7 @@ import { LOD, Matrix4 } from "three";
 import { Flag, indexOf, load } from "visibility-web";
 import { LateAnswers, LateScene, countBits, startWorker } from "visibility-web/late.js";
 import { EMPTY, moveBox, place, skinnedBox } from "./boxes.js";
-import { hasDepth, originFor, releaseCamera, takeCamera } from "./cameras.js";
+import { hasDepth, originFor, releaseCamera, takeCamera, usualSize } from "./cameras.js";
 import {
   ALL,
   Entry,
@@ -68,6 +68,8 @@ export class VisibilityCulling {
   #frame = 0;
   /** Point of the world that the library's coordinates are relative to. Another point is another array. */
   #origin = null;
+  /** Median size of occluders. */
+  #usualSize = Infinity;
   #surfaces = new Surfaces();
   /** By geometry: its shapes, by part. */
   #shapes = new WeakMap();
@@ -162,12 +164,11 @@ export class VisibilityCulling {
     else if (this.#active) this.#collected();
     if (this.#active || !this.enabled || !this.#visibility || !this.#cameras.has(camera)) return;
     const { scene } = this;
-    if (camera.isArrayCamera || scene.overrideMaterial || renderer.opaque === false) return;
-    if (!hasDepth(renderer, target)) return;
+    if (camera.isArrayCamera || scene.overrideMaterial || renderer.opaque === false || !hasDepth(renderer, target)) return;
     const start = performance.now();
     const tools = this.#tools(camera);
     const { eye } = tools;
-    this.#origin = originFor(eye, [...this.#cameras.values()], this.#origin);
+    this.#origin = originFor(eye, [...this.#cameras.values()], this.#origin, this.#usualSize);
     // WebGPURenderer has no planes of its own.
     const planes = (renderer.isWebGLRenderer && renderer.clippingPlanes) || [];
     this.#isClipped = planes.length > 0;
@@ -494,6 +495,7 @@ export class VisibilityCulling {
       at += entry.count;
     }
     this.#added.length = 0;
+    this.#usualSize = usualSize(this.#order, this.#followed);
     if (2 * count > this.#followed.count) this.#followed.rebuild();
   }
 
