@@ -162,7 +162,7 @@ export function serve(port, visibility) {
     },
   };
 
-  port.onmessage = ({ data: { calls, ask } }) => {
+  port.onmessage = ({ data: { calls = [], ask } }) => {
     for (const call of calls) apply(call);
     if (calls.length > 0) scene.maintain();
     if (!ask) return;
@@ -199,5 +199,12 @@ export async function serveLoaded(port, loading) {
   for (const message of early.splice(0)) port.onmessage(message);
 }
 
+/** Resolves to the library whose module is in the first message to a port. */
+function loadGiven(port) {
+  return new Promise((resolve) => {
+    port.addEventListener("message", ({ data: { wasm } }) => resolve(load({ wasm })), { once: true });
+  });
+}
+
 if (typeof DedicatedWorkerGlobalScope !== "undefined" && self instanceof DedicatedWorkerGlobalScope)
-  serveLoaded(self, load({ frames: self.name === "frames" }));
+  serveLoaded(self, self.name === "given" ? loadGiven(self) : load({ frames: self.name === "frames" }));

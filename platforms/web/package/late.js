@@ -53,9 +53,14 @@ export function countBits(words) {
   return count;
 }
 
-/** Starts a worker of this package. With `frames` it loads the small module. */
-export function startWorker({ frames = false } = {}) {
+/** Starts a worker of this package. With `frames` it loads the small module, with `wasm` that one. */
+export function startWorker({ frames = false, wasm } = {}) {
   // Bundlers look for literals.
+  if (wasm) {
+    const worker = new Worker(new URL("./late-worker.js", import.meta.url), { type: "module", name: "given" });
+    worker.postMessage({ wasm });
+    return worker;
+  }
   return frames
     ? new Worker(new URL("./late-worker.js", import.meta.url), { type: "module", name: "frames" })
     : new Worker(new URL("./late-worker.js", import.meta.url), { type: "module", name: "whole" });

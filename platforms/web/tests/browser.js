@@ -434,6 +434,31 @@ async function drops(tab) {
   tab.complaints = tab.complaints.filter((text) => !/data:,|apart\.bin|Couldn't load/.test(text));
 }
 
+/** Workers with a module that they are given: a whole one, whose regions the small one does not tell, and none. */
+async function givenModules(tab) {
+  const answer = (module) =>
+    tab.page.evaluate(`(async () => {
+      const { LateScene, startWorker } = await import("../package/late.js");
+      const { load } = await import("../package/visibility.js");
+      const wasm = ${module};
+      const worker = startWorker({ frames: true, wasm });
+      const scene = new LateScene((await load({ frames: true })).createScene(), [worker]);
+      const [lamp] = scene.insertAll({ bounds: [2, 2, 2, 3, 3, 3] });
+      const asked = { what: "region", min: [-1, -1, -1], max: [1, 1, 1] };
+      const found = await new Promise((resolve) => scene.ask(asked, resolve));
+      scene.destroy();
+      return [found && [...found.bits], scene.refusals];
+    })()`);
+  const fetched = `await (await fetch("../package/visibility.wasm")).arrayBuffer()`;
+  assert.deepEqual(await answer(`await WebAssembly.compile(${fetched})`), [[1], []], "a compiled module");
+  assert.deepEqual(await answer(fetched), [[1], []], "bytes");
+  const [none, [refusal]] = await answer(`new Uint8Array(8)`);
+  assert.equal(none, null);
+  assert.match(refusal, /library is not loaded.*WebAssembly/, "bytes that are no module");
+  const [small, [lack]] = await answer("undefined");
+  assert.deepEqual([small, /whole module|frames/.test(lack)], [null, true], `by the small module: ${lack}`);
+}
+
 /** What a person does before the library is there: keys do no harm, a file is shown in place of the scene. */
 async function early() {
   const path = (name) => `${pictures}/${name}`;
@@ -527,6 +552,7 @@ try {
     [reports, OFFICE],
     [refusals, OFFICE],
     [drops, OFFICE],
+    [givenModules, OFFICE],
     [input, "scene=office&full"],
     [phone, OFFICE, PHONE],
   ];

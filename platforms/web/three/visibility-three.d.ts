@@ -29,9 +29,15 @@ export interface CullingOptions {
    * is made for all within `metres` and `degrees` of that, and hides nothing from any other; nor after an
    * occluder has moved, changed or gone, until the next answer. So nothing is hidden by mistake, and less is
    * hidden than without. By default 0.25 m and 8 degrees. `port` is a worker of `visibility-web/late-worker.js`,
-   * if your program has started it; without, one is started.
+   * if your program has started it; without, one is started. `wasm` is the module that it takes, compiled or as bytes,
+   * where it cannot fetch that of the package: of a program that loads `visibility` by hand.
    */
-  worker?: { metres?: number; degrees?: number; port?: Worker | MessagePort };
+  worker?: {
+    metres?: number;
+    degrees?: number;
+    port?: Worker | MessagePort;
+    wasm?: WebAssembly.Module | BufferSource;
+  };
 }
 
 /** What the last culled frame was. Objects are meshes, or instances of meshes. */

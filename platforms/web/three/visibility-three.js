@@ -118,7 +118,7 @@ export class VisibilityCulling {
     const { worker } = this.#options;
     const scene = visibility.createScene();
     // `worker.port` is for programs that start the worker themselves.
-    this.#followed = worker ? new LateScene(scene, [worker.port ?? startWorker({ frames: true })]) : scene;
+    this.#followed = worker ? new LateScene(scene, [worker.port ?? startWorker({ frames: true, ...worker })]) : scene;
   }
 
   addCamera(camera, eye = camera) {
