@@ -105,10 +105,10 @@ pub(crate) fn affine(transform: &Affine3A) -> glam::Affine3A {
     glam::Affine3A { matrix3, translation: vector(transform.translation) }
 }
 
-/// Greatest distance of a side of a mesh from where its `Aabb` has it, as a share of the sum of half extent and
-/// distance of the centre from the origin, along each axis. bevy rounds centre and half extent to nearest, by
-/// 2^-24 of that sum together; the difference and the margin below are rounded by as much again. A half extent
-/// of 0 is exact, and so is the centre beside it.
+/// Greatest distance of a side of a mesh from where its `Aabb` has it, as a share of the sum of half extent
+/// and distance of the centre from the origin, along each axis. bevy rounds centre and half extent to
+/// nearest, by 2^-24 of that sum together; the difference and the margin below are rounded by as much again.
+/// A half extent of 0 is exact, and so is the centre beside it.
 const BOX_ROUNDING: f32 = 1.0 / (1 << 22) as f32;
 
 /// Returns the half extents of an `Aabb` less and more what its rounding may make of a mesh's box.
@@ -134,7 +134,8 @@ pub(crate) fn local_box(aabb: &bevy_camera::primitives::Aabb) -> Aabb {
     box_of(aabb, outer)
 }
 
-/// Returns a box that is contained in the box of the mesh. `None` if its sides are nearer than rounding tells.
+/// Returns a box that is contained in the box of the mesh. `None` if its sides are nearer than rounding
+/// tells.
 pub(crate) fn solid_box(aabb: &bevy_camera::primitives::Aabb) -> Option<Aabb> {
     let [inner, _] = half_extents(aabb);
     Some(box_of(aabb, inner)).filter(Aabb::is_proper)

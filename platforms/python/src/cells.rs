@@ -2,15 +2,16 @@
 
 use crate::arrays::{self, Axis, BOXES, LIST, POINTS_3D};
 use crate::error::refused;
-use crate::scene::Scene;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use visibility_core::Scene;
 use visibility_core::bake::Bake;
 use visibility_core::cells::{CellGraph, CellId, PortalId};
 use visibility_core::geometry::{ConvexPolygon, Plane};
 use visibility_core::glam::DVec3;
+use visibility_core::level_version::level_object;
 use visibility_core::pvs::{Viewcell, Viewcells};
 use visibility_portals::from_geometry::{PolygonSettings, Subdivision, from_polygons};
 use visibility_portals::{BakerSettings, CellBaker, Passage, SceneCells};
@@ -19,14 +20,14 @@ use visibility_portals::{BakerSettings, CellBaker, Passage, SceneCells};
 /// volumes. How far a cell may be misplaced beside the walls that it was made of, its volume knows.
 const RELATIVE_TOLERANCE: f64 = 1.0 / (1u64 << 30) as f64;
 
-/// Cells of a building and the portals between them, for Scene.cull: it hides what cannot be seen through open
-/// portals. Elsewhere the borders of the cells must be opaque.
+/// Cells of a building and the portals between them, for Scene.cull: it hides what cannot be seen through
+/// open portals. Elsewhere the borders of the cells must be opaque.
 ///
-/// boxes: (n, 2, 3) float64, a box for each cell. portals: list of m arrays (k, 3) float64, the corners of convex
-/// polygons in order around them. joins: (m, 2) of uint32, int32 or int64, the two cells of each portal. planes:
-/// for cells that are no boxes, a list of n arrays (k, 4) float64 of planes a, b, c, d, which keep of its box what
-/// has a x + b y + c z + d >= 0. tolerance: in metres, how far portals and boxes may be misplaced. All portals are
-/// open at first.
+/// boxes: (n, 2, 3) float64, a box for each cell. portals: list of m arrays (k, 3) float64, the corners of
+/// convex polygons in order around them. joins: (m, 2) of uint32, int32 or int64, the two cells of each
+/// portal. planes: for cells that are no boxes, a list of n arrays (k, 4) float64 of planes a, b, c, d, which
+/// keep of its box what has a x + b y + c z + d >= 0. tolerance: in metres, how far portals and boxes may be
+/// misplaced. All portals are open at first.
 #[pyclass(module = "visibility", frozen)]
 pub(crate) struct Cells {
     cells: Arc<RwLock<SceneCells>>,
@@ -61,11 +62,11 @@ impl Cells {
 
     /// Makes cells of the triangles of a scene's occluders.
     pub(crate) fn of_scene(scene: &Scene, py: Python<'_>, max_cells: usize) -> PyResult<Self> {
-        let scene = scene.scene();
         py.detach(|| {
             let (mut polygons, mut one_sided) = (Vec::new(), Vec::new());
             for id in scene.ids() {
-                let Some(object) = scene.object(id).ok().filter(|object| object.occluder) else { continue };
+                let object = level_object(scene, id).map(|(object, _)| object);
+                let Some(object) = object.filter(|object| object.occluder) else { continue };
                 for corners in scene.triangles(id).unwrap_or_default().iter() {
                     // In `f64`: what nearly cancels in `f32` would close a gap that cullers see through.
                     let world = corners.map(|corner| scene.origin() + corner.as_dvec3());
@@ -151,7 +152,8 @@ impl Cells {
         Ok(format!("Cells({} cells, {} portals)", cells.graph().cell_count(), cells.graph().portals().len()))
     }
 
-    /// Corners of each portal, a list of m arrays (k, 3) float64, counter-clockwise as seen from its second cell.
+    /// Corners of each portal, a list of m arrays (k, 3) float64, counter-clockwise as seen from its second
+    /// cell.
     #[getter]
     fn portals<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
         let cells = self.read()?;
@@ -196,8 +198,8 @@ impl Cells {
         })
     }
 
-    /// Sets in which directions an open portal is seen through: "both", "forward", from the first of its cells
-    /// into the second, or "backward".
+    /// Sets in which directions an open portal is seen through: "both", "forward", from the first of its
+    /// cells into the second, or "backward".
     fn set_passage(&self, py: Python<'_>, portal: u32, passage: &str) -> PyResult<()> {
         let passage = match passage {
             "both" => Passage::BothWays,
@@ -210,8 +212,8 @@ impl Cells {
         })
     }
 
-    /// Whether each cell may see another from anywhere inside, through the portals that are open now: bool (n,)
-    /// for the numbers of cells a and b, (n,) each. True where undecided.
+    /// Whether each cell may see another from anywhere inside, through the portals that are open now: bool
+    /// (n,) for the numbers of cells a and b, (n,) each. True where undecided.
     fn sees<'py>(
         &self,
         py: Python<'py>,
@@ -237,8 +239,8 @@ impl Cells {
         Ok(PyArray1::from_vec(py, seen))
     }
 
-    /// Finds which cells may see which from anywhere inside with all portals open, and limits cull and sees to
-    /// that from now on. Takes from milliseconds to minutes.
+    /// Finds which cells may see which from anywhere inside with all portals open, and limits cull and sees
+    /// to that from now on. Takes from milliseconds to minutes.
     fn bake(&self, py: Python<'_>) -> PyResult<()> {
         py.detach(|| {
             let graph = self.read()?.graph().clone();

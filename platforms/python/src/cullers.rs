@@ -84,7 +84,8 @@ pub(crate) struct Kept {
     polygons: Option<(SceneCursor, Arc<Occluders>)>,
 }
 
-/// Returns occluders that are up to date with a scene: made by `make`, or those kept, brought up to date by `sync`.
+/// Returns occluders that are up to date with a scene: made by `make`, or those kept, brought up to date by
+/// `sync`.
 fn current<T: Clone>(
     kept: &mut Option<(SceneCursor, Arc<T>)>,
     scene: &Scene,
@@ -142,8 +143,8 @@ impl Kept {
         self.pipelines.push((stages, pipeline));
     }
 
-    /// Drops what holds occluders of a scene that has changed. The occluders themselves are brought up to date
-    /// when they are next asked for.
+    /// Drops what holds occluders of a scene that has changed. The occluders themselves are brought up to
+    /// date when they are next asked for.
     pub(crate) fn scene_changed(&mut self) {
         self.pipelines.retain(|(stages, _)| !stages.iter().any(Stage::has_occluders));
     }

@@ -166,25 +166,25 @@ impl Scene {
         Ok(polygons)
     }
 
-    /// Makes cells and portals of the triangles of the occluders: space is divided along large walls, and every
-    /// gap between triangles becomes an open portal. For cull, in buildings.
+    /// Makes cells and portals of the triangles of the occluders: space is divided along large walls, and
+    /// every gap between triangles becomes an open portal. For cull, in buildings.
     ///
-    /// max_cells: more regions are not divided. What is added later does not count. There are no cells, and they
-    /// hide nothing, where all space sees the backs of triangles, as in a scene that is not two_sided with walls
-    /// that are open behind. Takes from milliseconds to minutes.
+    /// max_cells: more regions are not divided. What is added later does not count. There are no cells, and
+    /// they hide nothing, where all space sees the backs of triangles, as in a scene that is not two_sided
+    /// with walls that are open behind. Takes from milliseconds to minutes.
     #[pyo3(signature = (*, max_cells=16384))]
     fn make_cells(&self, py: Python<'_>, max_cells: usize) -> PyResult<Cells> {
-        Cells::of_scene(self, py, max_cells)
+        Cells::of_scene(&self.scene, py, max_cells)
     }
 
     /// Numbers of the objects that a camera may see, ascending: uint32 (k,). With mask=True, bool (n,).
     ///
-    /// Objects outside of the view are left out, and those that occlusion proves to be behind others. No visible
-    /// object is ever left out. occlusion: one or several, applied in turn:
+    /// Objects outside of the view are left out, and those that occlusion proves to be behind others. No
+    /// visible object is ever left out. occlusion: one or several, applied in turn:
     ///
     /// - "z_buffer", or True: a software z-buffer, for scenes of any kind.
-    /// - "horizon": upright solids, walls and hills, for cities and terrain near the ground, with z up;
-    ///   "horizon_y" with y up.
+    /// - "horizon": upright solids, walls and hills, for cities and terrain near the ground, with z up.
+    /// - "horizon_y": the same with y up.
     /// - "occlusion_tree": a tree of the shadows of the largest polygons.
     /// - Cells: what is seen through open portals of a building.
     ///
