@@ -14,7 +14,7 @@ use visibility_core::glam::DVec3;
 use visibility_core::level_version::level_object;
 use visibility_core::pvs::{Viewcell, Viewcells};
 use visibility_portals::from_geometry::{PolygonSettings, Subdivision, from_polygons};
-use visibility_portals::{BakerSettings, CellBaker, Passage, SceneCells};
+use visibility_portals::{BakerSettings, CellBaker, Passage, SceneCells, prt};
 
 /// Tolerance of cells made of a scene, relative to the greatest coordinate: above the rounding of portals and
 /// volumes. How far a cell may be misplaced beside the walls that it was made of, its volume knows.
@@ -101,6 +101,25 @@ fn planes_of(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<Vec<Plane>>
     Ok(all)
 }
 
+/// Number of cells, corners of portals, and the two cells of each.
+type Portals<'py> = (usize, Vec<Bound<'py, PyArray2<f64>>>, Bound<'py, PyArray2<u32>>);
+
+/// Makes arrays of the corners of portals.
+fn corners_of<'py>(graph: &CellGraph, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+    let corners = graph.portals().iter().map(|portal| {
+        let corners: Vec<[f64; 3]> = portal.polygon().vertices().iter().map(|v| v.to_array()).collect();
+        PyArray1::from_slice(py, corners.as_flattened()).reshape([corners.len(), 3])
+    });
+    corners.collect()
+}
+
+/// Makes an array of the two cells of each portal.
+fn joins_of<'py>(graph: &CellGraph, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+    let joins: Vec<[u32; 2]> =
+        graph.portals().iter().map(|portal| portal.cells().map(|cell| cell.0)).collect();
+    PyArray1::from_slice(py, joins.as_flattened()).reshape([joins.len(), 2])
+}
+
 #[pymethods]
 impl Cells {
     #[new]
@@ -142,6 +161,15 @@ impl Cells {
         Ok(Self::of(cells))
     }
 
+    /// Reads a map compiler's portal file, .prt of the Quake family: the number of cells, the portals and the
+    /// joins, as for Cells, in the unit of the map. The file does not say where the cells are: give their boxes,
+    /// and planes where they are no boxes.
+    #[staticmethod]
+    fn read_prt<'py>(py: Python<'py>, text: &str) -> PyResult<Portals<'py>> {
+        let graph = prt::read(text).map_err(|error| refused("text", error))?.graph;
+        Ok((graph.cell_count(), corners_of(&graph, py)?, joins_of(&graph, py)?))
+    }
+
     /// Number of cells.
     fn __len__(&self) -> PyResult<usize> {
         Ok(self.read()?.graph().cell_count())
@@ -156,21 +184,13 @@ impl Cells {
     /// cell.
     #[getter]
     fn portals<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
-        let cells = self.read()?;
-        let corners = cells.graph().portals().iter().map(|portal| {
-            let corners: Vec<[f64; 3]> = portal.polygon().vertices().iter().map(|v| v.to_array()).collect();
-            PyArray1::from_slice(py, corners.as_flattened()).reshape([corners.len(), 3])
-        });
-        corners.collect()
+        corners_of(self.read()?.graph(), py)
     }
 
     /// The two cells of each portal: uint32 (m, 2).
     #[getter]
     fn joins<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
-        let cells = self.read()?;
-        let joins: Vec<[u32; 2]> =
-            cells.graph().portals().iter().map(|portal| portal.cells().map(|cell| cell.0)).collect();
-        PyArray1::from_slice(py, joins.as_flattened()).reshape([joins.len(), 2])
+        joins_of(self.read()?.graph(), py)
     }
 
     /// In which cell each point is, -1 for none: int64 (n,) for points (n, 3) float64.

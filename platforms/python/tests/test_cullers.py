@@ -181,6 +181,19 @@ def test_what_cells_tell():
     assert cells.sees([0, 2], [2, 0]).tolist() == [True, False]
 
 
+def test_a_portal_file_of_a_map_compiler():
+    lines = ["PRT1", "3", "2"]
+    for (a, b), corners in zip(JOINS, DOORS):
+        points = " ".join("({} {} {})".format(*corner) for corner in corners)
+        lines.append(f"{len(corners)} {a} {b} {points}")
+    count, portals, joins = Cells.read_prt("\n".join(lines) + "\n")
+    assert (count, joins.tolist()) == (3, [list(pair) for pair in JOINS])
+    for portal, corners in zip(portals, DOORS):
+        assert {tuple(corner) for corner in portal} == {tuple(corner) for corner in corners}
+    scene, _ = rooms()
+    assert scene.cull(INDOORS, occlusion=Cells(ROOMS, portals, joins)).tolist() == [0, 1]
+
+
 def test_a_bake_of_cells_finds_what_no_line_reaches():
     # A corridor whose last part leads back along the first: no line leads from one to the other.
     boxes = [[(0, 0, 0), (8, 2, 2)], [(8, 0, 0), (10, 12, 2)], [(0, 10, 0), (8, 12, 2)]]
@@ -257,6 +270,7 @@ def test_walls_that_show_from_one_side_make_no_cells_that_hide_past_their_backs(
         (lambda: Scene().cull(AHEAD, occlusion="zbuffer"), "occlusion: 'zbuffer' is not z_buffer, horizon"),
         (lambda: Scene().cull(AHEAD, occlusion=["horizon", 3]), "occlusion: 3 is not z_buffer"),
         (lambda: Scene().cull(AHEAD, occlusion=7), "occlusion: 7 is not z_buffer"),
+        (lambda: Cells.read_prt("PRT1\n2\n1\n4 0 1 (0 0 0) (0 1 0)\n"), "text: "),
         (lambda: Cells(ROOMS, DOORS, JOINS[:1]), "joins: expected (2, 2), as portals, got (1, 2)"),
         (lambda: Cells(ROOMS[:2], DOORS, JOINS), "portals: "),
         (lambda: Cells(ROOMS, DOORS, [(0, 0), (1, 2)]), "portals: "),

@@ -180,6 +180,10 @@ class Cells:
         planes: Sequence[Floats] | None = None,  # n arrays, each (k, 4)
         tolerance: float = 1e-6,
     ) -> Cells: ...
+    @staticmethod
+    def read_prt(
+        text: str,
+    ) -> tuple[int, list[NDArray[np.float64]], NDArray[np.uint32]]: ...  # cells, m arrays (k, 3), (m, 2)
     def __len__(self) -> int: ...
     @property
     def portals(self) -> list[NDArray[np.float64]]: ...  # m arrays, each (k, 3)
