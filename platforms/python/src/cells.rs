@@ -162,8 +162,8 @@ impl Cells {
     }
 
     /// Reads a map compiler's portal file, .prt of the Quake family: the number of cells, the portals and the
-    /// joins, as for Cells, in the unit of the map. The file does not say where the cells are: give their boxes,
-    /// and planes where they are no boxes.
+    /// joins, as for Cells, in the unit of the map. The file does not say where the cells are: give their
+    /// boxes, and planes where they are no boxes.
     #[staticmethod]
     fn read_prt<'py>(py: Python<'py>, text: &str) -> PyResult<Portals<'py>> {
         let graph = prt::read(text).map_err(|error| refused("text", error))?.graph;
