@@ -7,12 +7,14 @@ import { Surface } from "./surfaces.js";
 const cullings = new WeakMap();
 /**
  * Distance along an axis of all eyes from the origin of the library's coordinates from which on the origin moves to an
- * eye, in sizes of usual occluders. Up to there, single precision places these to 2^-13 of their size: a coordinate is
+ * eye, in sizes of large occluders. Up to there, single precision places these to 2^-13 of their size: a coordinate is
  * rounded by 2^-24 of it at most, the three together by sqrt(3) times that, and 2^10 sqrt(3) 2^-24 < 2^-13.
  */
 const FARTHEST_ORIGIN = 1 << 10;
-/** Number of occluders, at most, that their usual size is taken of. */
+/** Number of occluders whose sizes are looked at, at most. */
 const MOST_SIZES = 64;
+/** Share of these that are smaller than large ones. What is small hides little, and to place all anew takes long. */
+const SMALLER = 0.9;
 
 /**
  * Gives a camera of a scene to a culling. Returns the one that has had it, which must give it up: both would hide the
@@ -32,8 +34,8 @@ export function releaseCamera(scene, camera, culling) {
   if (byCamera?.get(camera) === culling) byCamera.delete(camera);
 }
 
-/** Returns the median size of the boxes of some occluders among entries. Infinite if there are none. */
-export function usualSize(entries, scene) {
+/** Returns the size of the boxes of large occluders among entries. Infinite if there are none. */
+export function largeSize(entries, scene) {
   const occluders = entries.filter(({ surface, count }) => surface > Surface.Hideable && count > 0);
   const sizes = [];
   for (let i = 0; i < occluders.length; i += Math.ceil(occluders.length / MOST_SIZES)) {
@@ -41,12 +43,12 @@ export function usualSize(entries, scene) {
     const size = Math.max(...min.map((low, k) => max[k] - low));
     if (size > 0) sizes.push(size);
   }
-  return sizes.sort((a, b) => a - b)[sizes.length >> 1] ?? Infinity;
+  return sizes.sort((a, b) => a - b)[Math.floor(SMALLER * sizes.length)] ?? Infinity;
 }
 
 /**
  * Returns the origin for a frame as `eye` sees it, where the eyes of `cameras` are followed: the present one, the same
- * array, while one of them is near it or nowhere, else the place of `eye`. `size` is that of usual occluders.
+ * array, while one of them is near it or nowhere, else the place of `eye`. `size` is that of large occluders.
  */
 export function originFor(eye, cameras, origin, size) {
   const isNear = (camera) => {

@@ -15,7 +15,7 @@ import { LOD, Matrix4 } from "three";
 import { Flag, indexOf, load } from "visibility-web";
 import { LateAnswers, LateScene, countBits, startWorker } from "visibility-web/late.js";
 import { EMPTY, moveBox, place, skinnedBox } from "./boxes.js";
-import { hasDepth, originFor, releaseCamera, takeCamera, usualSize } from "./cameras.js";
+import { hasDepth, originFor, releaseCamera, takeCamera, largeSize } from "./cameras.js";
 import {
   ALL,
   Entry,
@@ -68,8 +68,8 @@ export class VisibilityCulling {
   #frame = 0;
   /** Point of the world that the library's coordinates are relative to. Another point is another array. */
   #origin = null;
-  /** Median size of occluders. */
-  #usualSize = Infinity;
+  /** Size of large occluders. */
+  #largeSize = Infinity;
   #surfaces = new Surfaces();
   /** By geometry: its shapes, by part. */
   #shapes = new WeakMap();
@@ -168,7 +168,7 @@ export class VisibilityCulling {
     const start = performance.now();
     const tools = this.#tools(camera);
     const { eye } = tools;
-    this.#origin = originFor(eye, [...this.#cameras.values()], this.#origin, this.#usualSize);
+    this.#origin = originFor(eye, [...this.#cameras.values()], this.#origin, this.#largeSize);
     // WebGPURenderer has no planes of its own.
     const planes = (renderer.isWebGLRenderer && renderer.clippingPlanes) || [];
     this.#isClipped = planes.length > 0;
@@ -495,7 +495,7 @@ export class VisibilityCulling {
       at += entry.count;
     }
     this.#added.length = 0;
-    this.#usualSize = usualSize(this.#order, this.#followed);
+    this.#largeSize = largeSize(this.#order, this.#followed);
     if (2 * count > this.#followed.count) this.#followed.rebuild();
   }
 
