@@ -450,8 +450,8 @@ fn extreme_scenes_and_views_hide_nothing_by_mistake() {
     }
 }
 
-/// Ground of squares so small that each triangle is narrower than the tolerance, more than a kilometre away: together
-/// they are wider, and are seen. Behind a wall they are hidden.
+/// Ground of squares so small that each triangle is narrower than the tolerance, more than a kilometre away:
+/// together they are wider, and are seen. Behind a wall they are hidden.
 #[test]
 fn triangles_narrower_than_the_tolerance_are_seen_together() {
     let mut scene = Scene::new();

@@ -95,8 +95,8 @@ pub struct CullerTrial {
     pub cull_us: f64,
     /// Mean number of objects that the candidate culler reports as visible per view, in the same runs.
     pub objects: f64,
-    /// Mean number of triangles, per view, of the objects that the candidate culler reports as visible, in the
-    /// same runs.
+    /// Mean number of triangles, per view, of the objects that the candidate culler reports as visible, in
+    /// the same runs.
     pub triangles: f64,
     /// Total over all views of the visible objects that the candidate culler did not report, in the worst run
     /// of each view. A lower bound on its errors, since visibility is sampled at pixel centres.
@@ -231,9 +231,9 @@ impl<'a> Advisor<'a> {
     }
 
     /// Measures a candidate culler on all views. `clock` returns a time in seconds. Returns `None` as soon as
-    /// the mean culling time per view certainly exceeds `limit` microseconds. `limit` is usually the best
-    /// total so far, so that trials of slow candidates end early; with an infinite `limit` the trial is
-    /// always completed. The candidate is reset first.
+    /// the mean culling time per view, of the cheapest runs so far, exceeds `limit` microseconds. `limit` is
+    /// usually the best total so far, so that trials of slow candidates end early; with an infinite `limit`
+    /// the trial is always completed. The candidate is reset first.
     pub fn trial(
         &self,
         pipeline: &mut Pipeline,
@@ -245,8 +245,7 @@ impl<'a> Advisor<'a> {
         let mut reported = alloc::vec![false; self.scene.index_limit()];
         let share = 1.0 / self.views.len().max(1) as f64;
         // Of each view the cheapest run so far, and the most objects that a run hid.
-        let mut cheapest =
-            alloc::vec![CullerTrial { total_us: f64::INFINITY, ..Default::default() }; self.views.len()];
+        let mut cheapest = alloc::vec![CullerTrial::default(); self.views.len()];
         pipeline.reset();
         // Culls all views in turn, several times. Culling one view repeatedly would favour cullers that
         // exploit coherence with the previous frame.
@@ -265,7 +264,7 @@ impl<'a> Advisor<'a> {
                     [comparison.reported_objects, comparison.reported_triangles].map(f64::from);
                 let total_us = cull_us + self.draw.of(objects, triangles);
                 let false_hidden = cheapest.false_hidden.max(comparison.false_hidden_objects.into());
-                if total_us < cheapest.total_us {
+                if run == 0 || total_us < cheapest.total_us {
                     *cheapest = CullerTrial { cull_us, objects, triangles, false_hidden, total_us };
                 }
                 cheapest.false_hidden = false_hidden;
@@ -495,6 +494,16 @@ mod tests {
             let mut pipeline = Pipeline::new().with(HideIn { frame, now: 0 });
             assert!(advisor.best([&mut pipeline], || 0.0).is_none(), "hides all in frame {frame}");
         }
+    }
+
+    #[test]
+    fn a_cost_without_an_end_is_no_free_candidate() {
+        let (scene, views) = (scene(), views());
+        let draw = DrawCost { object_us: f64::MAX, ..DrawCost::default() };
+        let advisor = Advisor::new(&scene, &views, draw).unwrap();
+        let trial = advisor.trial(&mut Pipeline::new(), f64::INFINITY, || 0.0).unwrap();
+        assert_eq!((trial.objects, trial.total_us), (3.0, f64::INFINITY), "three objects that cost too much");
+        assert!(advisor.best([&mut Pipeline::new()], || 0.0).is_none(), "nothing is worth that");
     }
 
     #[test]

@@ -45,7 +45,7 @@
 //! where its front faces the eye. All arithmetic is `f64`, starting from the view's own clip matrix:
 //! - Triangles are clipped in homogeneous coordinates, before any division. Points behind the eye, in the
 //!   eye, or 1e30 m away need no special cases. But of a triangle that crosses the near plane, the cut is
-//!   known to its size times 2^-53: from about 1e15 m on, parts before the eye may be missing.
+//!   known to its size times 2^-53: from about 1e15 m on, parts beyond the near plane may be missing.
 //! - Triangles are filled row by row between edges. A pixel is covered if its centre is. Two triangles that
 //!   share an edge compute it identically to the last bit, so no pixel falls between them.
 //! - The nearest triangle wins; among equally near triangles, the first drawn. The depth key is `1/w` for

@@ -148,8 +148,8 @@ fn a_pane_before_walls_that_tie_is_charged() {
     }
 }
 
-/// Pixel centres on an edge of a wall before a pane: the wall may cover them, though the picture shows the wall
-/// behind the pane. The wall covers the columns to one of its two sides, and ties at the other.
+/// Pixel centres on an edge of a wall before a pane: the wall may cover them, though the picture shows the
+/// wall behind the pane. The wall covers the columns to one of its two sides, and ties at the other.
 #[test]
 fn a_pane_ties_where_a_nearer_wall_may_cover_it() {
     let mut buffer = ItemBuffer::new(8, 8).unwrap();

@@ -160,7 +160,7 @@ fn sight_lines_are_unobstructed() {
 /// A one-sided wall stops rays at the side that its transform makes the front.
 #[test]
 fn fronts_follow_transforms() {
-    // The front of the mesh faces along +x; from the viewcell, along -x, it is seen in a mirror alone.
+    // The front faces along +x, away from the viewcell; only a mirroring transform turns it to the viewcell.
     for (scale, blocks, is_seen) in [
         ([1.0, 1.0, 1.0], false, false),
         ([-1.0, 1.0, 1.0], true, true),

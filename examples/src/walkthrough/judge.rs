@@ -50,9 +50,9 @@ impl Judgement {
         sum as f64 / self.exact.len().max(1) as f64
     }
 
-    /// Returns the mean box limit per frame, in objects; 0 without frames or limits.
+    /// Returns the mean box limit per frame, in objects; 0 without frames, NaN if limits were not asked for.
     pub fn mean_limit(&self) -> f64 {
-        let limits = self.limits.as_deref().unwrap_or_default();
+        let Some(limits) = &self.limits else { return f64::NAN };
         limits.iter().sum::<usize>() as f64 / limits.len().max(1) as f64
     }
 

@@ -16,9 +16,9 @@
 //! line, and twice for points that were cut along another such line. An edge that lies on a line of the tree
 //! does not divide a leaf again.
 //!
-//! So a polygon may fail to cover a strip as wide as a line's margin, and a farther polygon reaches an
-//! open leaf there. Margins of edges are at most a quarter of [`MIN_VISIBLE_WIDTH`], those of the initial grid
-//! 4 times the corners' error, and a part of a wider polygon that is narrower than [`MIN_VISIBLE_WIDTH`] does
+//! So a polygon may fail to cover a strip as wide as a line's margin, and a farther polygon reaches an open
+//! leaf there. Margins of edges are at most a quarter of [`MIN_VISIBLE_WIDTH`], those of the initial grid 4
+//! times the corners' error, and a part of a wider polygon that is narrower than [`MIN_VISIBLE_WIDTH`] does
 //! not count as seen. A polygon that is itself so narrow is treated separately: it is cut a margin beyond
 //! each line, and where it then reaches an open leaf it is [glimpsed](Visibility::Glimpsed).
 //!
@@ -101,8 +101,8 @@ impl Line {
         Some((line, margin <= widest))
     }
 
-    /// Tests whether an edge from `p` to `q`, corners on the line, has the line's direction: it is long enough
-    /// beside the margin within which both lie.
+    /// Tests whether an edge from `p` to `q`, corners on the line, has the line's direction: it is long
+    /// enough beside the margin within which both lie.
     #[inline]
     fn is_along(&self, p: ImageCorner, q: ImageCorner) -> bool {
         (q.x - p.x).abs().max((q.y - p.y).abs()) > 8.0 * self.margin
@@ -231,8 +231,9 @@ pub(super) struct Beams {
     /// By edge of the polygon being added: the edge's line, and whether the line's margin covers the rounding
     /// errors in all of the image. `None` for an edge too short to have a line.
     lines: Vec<Option<(Line, bool)>>,
-    /// Whether an edge of the polygon being added is too short to have a line of its own.
-    has_short_edge: bool,
+    /// Sum of the lengths in NDC of those edges of the polygon being added that are too short to have a line
+    /// of their own. `None` if there is no such edge.
+    short_edges: Option<f64>,
     /// Scratch: copy of the corners of the part being cut.
     part: Vec<ImageCorner>,
     /// Scratch: signed distances in NDC of the part's corners from the node's line.
@@ -327,7 +328,10 @@ impl Beams {
         if !closing {
             return self.test(polygon);
         }
-        self.has_short_edge = self.lines.iter().any(Option::is_none);
+        let short = polygon.iter().zip(polygon.iter().cycle().skip(1)).zip(&self.lines);
+        let short = short.filter(|(_, line)| line.is_none());
+        let lengths = short.map(|((p, q), _)| (q.x - p.x).abs() + (q.y - p.y).abs());
+        self.short_edges = lengths.reduce(|sum, length| sum + length);
         self.end_strips(polygon, error);
         if !is_narrow(polygon) {
             return self.run(polygon, true);
@@ -501,29 +505,29 @@ impl Beams {
 
     /// Closes the area of the open leaf reached by `task` that the topmost part of the corner stack covers.
     /// The leaf is replaced by a chain of nodes, one for each edge of the part that has a line and is not on
-    /// a line of the tree already, or for each edge of the polygon if some have no line of their own. Without
-    /// such an edge, the whole leaf becomes closed.
+    /// a line of the tree already. If the polygon has an edge without a line of its own, one for each edge of
+    /// the polygon that is not clear of the part. Without such an edge, the whole leaf becomes closed.
     fn close(&mut self, task: Task) {
         let mut slot = (task.parent, task.side);
         let mut divided = false;
-        let count = if self.has_short_edge { self.lines.len() } else { self.corners.len() - task.begin };
+        let count =
+            if self.short_edges.is_some() { self.lines.len() } else { self.corners.len() - task.begin };
         // Lines whose margin does not hold everywhere are inserted last. They then divide only the strip that
         // the other lines leave, close to their own edge.
         for certain in [true, false] {
             for i in 0..count {
-                let (on_line, edge) = if self.has_short_edge {
-                    (false, i)
-                } else {
-                    let ImageCorner { on_line, edge, .. } = self.corners[task.begin + i];
-                    (on_line, edge as usize)
+                let part = &self.corners[task.begin..];
+                let edge = if self.short_edges.is_some() { i } else { part[i].edge as usize };
+                let Some((line, sure)) = self.lines[edge] else { continue };
+                let is_needed = match self.short_edges {
+                    // The substitute of a short edge leaves what is beyond its ends to the edges beside it.
+                    Some(length) => !part.iter().all(|&corner| line.distance(corner) > line.margin + length),
+                    None => !part[i].on_line,
                 };
-                match self.lines[edge] {
-                    Some((line, sure)) if !on_line && sure == certain => {
-                        let node = self.push(slot, line, [OPEN, OPEN]);
-                        slot = (node, 1);
-                        divided = true;
-                    }
-                    _ => {}
+                if is_needed && sure == certain {
+                    let node = self.push(slot, line, [OPEN, OPEN]);
+                    slot = (node, 1);
+                    divided = true;
                 }
             }
         }

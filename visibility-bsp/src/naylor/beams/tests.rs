@@ -134,8 +134,8 @@ fn a_tip_beyond_a_line_of_the_tree_closes_no_leaf() {
     }
 }
 
-/// The line of an edge of 5e-4 is known to 2.5e-8 far from it. A tip some 1e-8 wide that lies on that line and
-/// reaches across another has no edge along the line, and closes no more than the polygon covers.
+/// The line of an edge of 5e-4 is known to 2.5e-8 far from it. A tip some 1e-8 wide that lies on that line
+/// and reaches across another has no edge along the line, and closes no more than the polygon covers.
 #[test]
 fn a_tip_within_the_margin_of_a_line_is_not_along_it() {
     let mut beams = Beams::default();
@@ -148,6 +148,17 @@ fn a_tip_within_the_margin_of_a_line_is_not_along_it() {
         beams.test_and_cover(&polygon(shape), 1e-12);
     }
     assert_eq!(beams.test(&square_of([0.2, -0.19995], 1e-4)), Visibility::Seen, "a square beside the tip");
+}
+
+/// A polygon with a short edge that covers the image closes it: lines that are clear of a leaf do not divide
+/// the leaf.
+#[test]
+fn a_polygon_with_a_short_edge_closes_the_leaves_within_it() {
+    let mut beams = Beams::default();
+    beams.begin(ERROR);
+    let all = polygon(&[(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (2.0 - 1e-13, 2.0), (-2.0, 2.0)]);
+    assert_eq!(beams.test_and_cover(&all, ERROR), Visibility::Seen, "a polygon over the open image");
+    assert!(beams.is_closed(), "the polygon covers the image");
 }
 
 /// Shapes whose corners cluster within some margins of crossings of lines of the tree hide no square that
