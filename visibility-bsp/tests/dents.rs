@@ -8,6 +8,7 @@ use visibility_core::{
     Aabb, Object, ObjectId, OccluderMesh, OcclusionMap, Pose, Scene, View, VisibleSet,
     geometry::Plane,
     occlusion::{Occlusion, Preparation},
+    scene::Triangle,
     view::Window,
 };
 
@@ -142,4 +143,41 @@ fn what_is_beside_the_true_edge_of_a_placed_mesh_is_not_hidden() {
         assert_answers(&scene, &from, &ids[..1], &ids[1..], "beside the edge of a placed mesh");
     }
     assert!(cases > 20, "walls whose edge is rounded to the wrong side: {cases}");
+}
+
+/// The two triangles of a quadrilateral `[w, a, f, b]` that is flat but for the corners `a` and `b`, by less
+/// than a millionth of its length, seen counter-clockwise from above.
+fn quadrilateral([w, a, f, b]: [Vec3; 4]) -> [Triangle; 2] {
+    [[w, a, f], [w, f, b]]
+}
+
+/// Returns a scene of a one-sided quadrilateral and the boxes of objects.
+fn uneven(corners: [Vec3; 4], boxes: &[Aabb]) -> (Scene, Vec<ObjectId>) {
+    let mut scene = Scene::new();
+    let ground = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(corners)) });
+    scene.set_triangles(ground, quadrilateral(corners)).unwrap();
+    scene.set_one_sided(ground, true).unwrap();
+    let ids = boxes.iter().map(|&bounds| scene.insert(bounds)).collect();
+    // Regions of eyes reach up to it.
+    scene.insert(slab(1.0, 5.0, 6.0));
+    scene.prepare_occluders(&Preparation::default().with_sliver(0.0));
+    (scene, ids)
+}
+
+/// Seen along the plane of its corners `w`, `f` and the mean of all, the two others are below: the outline
+/// winds around nothing.
+#[test]
+fn what_is_under_a_quadrilateral_that_is_seen_edge_on_is_not_hidden() {
+    let low = Aabb::from_arrays([5.0, -0.5, -3.0], [6.0, 0.5, -2.0]);
+    let corners = [[1.0, 0.0, 0.0], [1.5, -1.0, -1.8e-6], [3.0, 0.0, 0.0], [1.5, 1.0, -1.8e-6]];
+    let (scene, ids) = uneven(corners.map(Vec3::from), &[low]);
+    let eye = DVec3::new(-20.0, 0.0, 0.0);
+    let pose = Pose::look_at(eye, eye + DVec3::new(1.0, 0.0, -0.9e-6), DVec3::Z);
+    let from = View::orthographic(pose, Window::centered(20.0, 20.0), 0.0, 100.0).unwrap();
+    assert_answers(&scene, &from, &ids, &[], "parallel view");
+    let far = corners.map(|corner| 1000.0 * Vec3::from(corner));
+    let (scene, ids) = uneven(far, &[low]);
+    let pose = Pose::look_at(DVec3::new(0.0, 0.0, 0.0009), DVec3::new(1.0, 0.0, 0.0009), DVec3::Z);
+    let from = View::perspective(pose, 2.0, 1.0, 1e-4, f64::INFINITY).unwrap();
+    assert_answers(&scene, &from, &ids, &[], "perspective view");
 }
