@@ -12,6 +12,10 @@
 //! # The near plane
 //! Geometry in front of the near plane is not drawn, so it must not hide. A patch that crosses the near plane
 //! is cut a little beyond it. The other edges keep their exact ends, and the cut becomes an edge of its own.
+//! The plane of the cut must surely divide the vertices that are cut off from those that are not. A view ray
+//! inside the cut and the other edges is then encircled by the loop with the cut in place of what is cut off,
+//! and so by the loop itself. Of an uneven patch that is seen almost edge on, a vertex that is cut off may
+//! project inside the cut; such a patch casts no shadow.
 //! A view ray may meet an uneven patch nearer to the eye than its outline suggests; see
 //! `ClipProjection::near_unevenness`.
 
@@ -289,6 +293,7 @@ impl Shadows {
                 self.corners.push(ShadowCorner { p, v, size, edge: if keeps_a { u8::MAX } else { number } });
             }
         }
+        let mut cut = None;
         if !whole {
             // A convex loop is cut by the near plane once or not at all.
             let corners = &self.corners[first_corner..];
@@ -298,6 +303,7 @@ impl Shadows {
                     (projection.direction(a, placing_error)?, projection.direction(b, placing_error)?);
                 let line = Line::through(&da, &db)?;
                 let number = (self.edges.len() - first_edge) as u8;
+                cut = Some(self.edges.len());
                 self.edges.push(ShadowEdge { line, ends: [DVec3::NAN; 2], directions: [da, db] });
                 self.corners[first_corner + out].edge = number;
                 if self.corners[first_corner..].iter().any(|c| c.edge == u8::MAX) {
@@ -321,6 +327,16 @@ impl Shadows {
             }
             if !(edge.line.at(middle) > certain(&edge.line)) || turn == 0.0 {
                 return None;
+            }
+        }
+        if let Some(cut) = cut {
+            let line = self.edges[cut].line;
+            for (direction, &near) in self.directions.iter().zip(&self.near) {
+                let &Direction { v, error, .. } = direction.as_ref()?;
+                let inside = if near > limit { line.at(v) } else { -line.at(v) };
+                if !(inside > line.slack + slack_of(error)) {
+                    return None;
+                }
             }
         }
         Some(BackPlane { normal, offset: back_offset })
