@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use visibility_bsp::{BspError, BspTree, Fragments, Subtree, TraversalStack, TreeVisitor};
 use visibility_core::{Aabb, glam::DVec3, view::Eye};
 use visibility_testing::Random;
+use visibility_testing::allocations::{LIVE, PEAK};
 
 fn build(polygons: &[Vec<DVec3>]) -> BspTree {
     BspTree::build((0..).zip(polygons.iter().map(|p| &p[..]))).unwrap()
@@ -212,4 +213,22 @@ fn polygons_that_cut_each_other_without_end_are_refused() {
         }
         Err(other) => panic!("{other}"),
     }
+}
+
+#[test]
+fn memory_does_not_grow_with_the_numbers_of_owners() {
+    PEAK.set(LIVE.get());
+    let before = LIVE.get();
+    let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
+    let mut tree = BspTree::build([(u32::MAX, triangle), (3, triangle)]).unwrap();
+    tree.insert(u32::MAX - 1, [triangle]).unwrap();
+    let most = PEAK.get() - before;
+    assert!(most < 100_000, "{most} bytes for three triangles");
+    for owner in [u32::MAX, u32::MAX - 1, 3] {
+        let mut count = 0;
+        tree.for_each_fragment(owner, |fragment| count += usize::from(fragment.owner() == owner));
+        assert_eq!(count, 1, "fragments of owner {owner}");
+        assert!(tree.remove(owner), "owner {owner} was there");
+    }
+    assert!(tree.is_empty(), "all owners are removed");
 }
