@@ -110,6 +110,8 @@ impl BspTree {
                 for piece in builder.pieces.drain(..) {
                     self.store.free_range(piece.start, piece.len);
                 }
+                // A new axis-aligned plane has no fragment whose removal would close its node.
+                self.close(node);
                 return Err(BspError::TooManyFragments { polygons: builder.sources.len(), limit });
             }
         }

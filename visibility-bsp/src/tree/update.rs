@@ -54,7 +54,7 @@ impl BspTree {
 
     /// Removes a node from the tree if no polygon is in its plane and one of its sides is a leaf, and repeats
     /// with its ancestors. Tightens the bounds of the first ancestor that stays, and of those above.
-    fn close(&mut self, mut id: u32) {
+    pub(super) fn close(&mut self, mut id: u32) {
         loop {
             let node = &self.nodes[id as usize];
             let [back, front] = node.children;
