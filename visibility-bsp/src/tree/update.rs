@@ -22,9 +22,11 @@ impl BspTree {
         owner: u32,
         polygons: impl IntoIterator<Item = P>,
     ) -> Result<usize, BspError> {
+        let magnitude = self.magnitude;
         let result = self.sort_in(polygons.into_iter().map(|polygon| (owner, polygon)));
         if result.is_err() {
             self.remove(owner);
+            self.set_magnitude(magnitude);
         }
         result
     }
