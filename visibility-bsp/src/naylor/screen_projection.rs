@@ -52,9 +52,9 @@ const MAX_NDC_ERROR: f64 = 1e-8;
 const CLIP_WIDTH: f64 = 4.0;
 
 impl ScreenProjection {
-    /// Builds the projection for points whose coordinates, in metres relative to `Scene::origin`, have absolute
-    /// values of at most `magnitude`. `None` if NDC positions are not known to within [`MAX_NDC_ERROR`],
-    /// because the coordinates are too large or the near plane too close.
+    /// Builds the projection for points whose coordinates, in metres relative to `Scene::origin`, have
+    /// absolute values of at most `magnitude`. `None` if NDC positions are not known to within
+    /// [`MAX_NDC_ERROR`], because the coordinates are too large or the near plane too close.
     pub(super) fn new(view: &View, scene: &Scene, magnitude: DVec3) -> Option<Self> {
         // With `u = 2^-53`: clip-space `x`, `y` and `w` are sums of four products, each sum rounded by at
         // most `5 u` times the sum `m` of the products' magnitudes. The matrix is rounded once, and a vertex

@@ -81,16 +81,16 @@ pub(super) struct Block {
 /// [`sync`](Self::sync). After `sync` it hides from its new position.
 ///
 /// Rounding by the transforms of meshes is allowed for, except between vertices that are placed at the same
-/// point to the last bit, and between axis-aligned sides that are placed at the same coordinate: they count as
-/// one, so that the surfaces of two objects meet there.
+/// point to the last bit, and between axis-aligned sides that are placed at the same coordinate: they count
+/// as one, so that the surfaces of two objects meet there.
 ///
 /// # Cost
 /// About 200 bytes per polygon, and about 16 for each object of each polygon: of a floor of 10,000 tiles that
-/// are joined into one rectangle, the rectangle has 10,000 objects. Making polygons of `n` triangles takes `O(n log n)` steps, some microseconds
-/// per triangle, however the triangles lie. To keep this bound, joining stops at limits, and polygons may be
-/// smaller than they could be. Connected rectangles of one plane are joined only if their sides make a grid
-/// of at most 16,384 cells, and into at most 64 rectangles. At most 256 boxes are cut together by a common
-/// plane.
+/// are joined into one rectangle, the rectangle has 10,000 objects. Making polygons of `n` triangles takes
+/// `O(n log n)` steps, some microseconds per triangle, however the triangles lie. To keep this bound, joining
+/// stops at limits, and polygons may be smaller than they could be. Connected rectangles of one plane are
+/// joined only if their sides make a grid of at most 16,384 cells, and into at most 64 rectangles. At most
+/// 256 boxes are cut together by a common plane.
 ///
 /// ```
 /// use visibility_bsp::Occluders;

@@ -21,9 +21,9 @@ use visibility_core::{Aabb, glam::DVec3};
 /// edge, so two polygons that share an edge are cut in bit-identical points.
 ///
 /// The margin is up to 2e-14 of the greatest coordinate that the tree has held since it was built or empty,
-/// times two if that came by `insert`. Polygons nearer to each other than that may come in the wrong order, and
-/// share a plane. Removing a polygon that is far from all others does not lessen the margin: build the tree
-/// anew, as [`SceneTree`](crate::SceneTree) does.
+/// times two if that came by `insert`. Polygons nearer to each other than that may come in the wrong order,
+/// and share a plane. Removing a polygon that is far from all others does not lessen the margin: build the
+/// tree anew, as [`SceneTree`](crate::SceneTree) does.
 ///
 /// # Cost
 /// Building takes some microseconds per polygon. The time is quadratic for polygons that no plane separates

@@ -84,8 +84,8 @@ impl BspTree {
         }
     }
 
-    /// Sets the bound on the magnitude of coordinates, by axis, and the margins of all planes accordingly. All
-    /// polygons in the tree must be within it.
+    /// Sets the bound on the magnitude of coordinates, by axis, and the margins of all planes accordingly.
+    /// All polygons in the tree must be within it.
     pub(super) fn set_magnitude(&mut self, magnitude: DVec3) {
         self.magnitude = magnitude;
         for node in &mut self.nodes {
