@@ -142,14 +142,13 @@ pub(crate) fn plane_of(
     for v in vertices.iter().chain(inner) {
         let along = normal.dot(*v);
         let error = 8.0 * U * normal.abs().dot(v.abs()) + 2.0 * placing_error + f64::MIN_POSITIVE;
-        extent_along_normal =
-            [extent_along_normal[0].min(along - error), extent_along_normal[1].max(along + error)];
+        let [low, high] = [along - error, along + error];
+        if !(low.is_finite() && high.is_finite()) {
+            return None;
+        }
+        extent_along_normal = [extent_along_normal[0].min(low), extent_along_normal[1].max(high)];
     }
-    (extent_along_normal[0].is_finite() && extent_along_normal[1].is_finite()).then_some((
-        normal,
-        extent_along_normal,
-        area,
-    ))
+    Some((normal, extent_along_normal, area))
 }
 
 /// Returns the mean of some points, in the points' own space; zero for none.
@@ -364,5 +363,52 @@ mod tests {
             decided += i32::from(side != 0);
         }
         assert!(decided > 10_000, "{decided}");
+    }
+
+    #[test]
+    fn the_extent_of_a_polygon_holds_its_vertices_wherever_they_are_placed() {
+        let mut random = visibility_testing::Random(8);
+        let mut whole = |bits: u32| (random.bits() >> (63 - bits)) as i64 - (1 << bits);
+        // Whole multiples of 2^-80 hold a unit normal of `f64`, but for components below 2^-28.
+        let scaled = |x: f64| (x * 2f64.powi(80)) as i128;
+        let mut rounded = 0;
+        for round in 0..20_000 {
+            let points = [(); 5].map(|()| [whole(23), whole(23), whole(23)]);
+            let [a, b, c, d, e] = points.map(|p| DVec3::from_array(p.map(|x| x as f64)));
+            let placing_error = [0.0, 0.5, 64.0][round % 3];
+            let Some((normal, [low, high], _)) = plane_of(&[a, b, c], &[d, e], placing_error) else {
+                continue;
+            };
+            if normal.abs().min_element() < 2f64.powi(-28) {
+                continue;
+            }
+            // The farthest that an error of each coordinate moves a point along the normal.
+            let moved = scaled(placing_error * normal.abs().element_sum());
+            for point in points {
+                let terms = point.iter().zip(normal.to_array());
+                let exact: i128 = terms.map(|(&x, n)| i128::from(x) * scaled(n)).sum();
+                let [low, high] = [low, high].map(scaled);
+                assert!(low <= exact - moved && exact + moved <= high, "round {round}: {point:?}, {normal}");
+                let near = normal.dot(DVec3::from_array(point.map(|x| x as f64)));
+                rounded += usize::from(scaled(near) != exact);
+            }
+        }
+        assert!(rounded > 50_000, "distances that are rounded: {rounded}");
+    }
+
+    #[test]
+    fn polygons_without_area_or_with_infinite_points_have_no_plane() {
+        let [a, b, c] = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        assert!(plane_of(&[a, b, c], &[], 0.0).is_some_and(|(normal, ..)| normal == DVec3::Z), "a triangle");
+        assert!(plane_of(&[a, b, c], &[], 0.0).is_some_and(|(.., area)| area == 0.5), "area of a triangle");
+        for bad in [DVec3::NAN, DVec3::INFINITY, DVec3::new(0.0, 0.0, f64::NEG_INFINITY)] {
+            assert!(plane_of(&[a, b, bad], &[], 0.0).is_none(), "{bad} in the outline");
+            assert!(plane_of(&[a, b, c], &[bad], 0.0).is_none(), "{bad} inside");
+        }
+        assert!(plane_of(&[a, b, 2.0 * b], &[], 0.0).is_none(), "no area");
+        assert!(plane_of(&[], &[], 0.0).is_none(), "no vertices");
+        assert!(plane_of(&[a, b, c], &[], f64::INFINITY).is_none(), "placed anywhere");
+        // Products of huge coordinates overflow.
+        assert!(plane_of(&[1e200 * a, 1e200 * b, 1e200 * c], &[], 0.0).is_none(), "area beyond all numbers");
     }
 }

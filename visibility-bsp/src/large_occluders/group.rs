@@ -256,4 +256,69 @@ mod tests {
             }
         }
     }
+
+    /// Returns six times the signed volume of a tetrahedron with whole coordinates.
+    fn volume([a, b, c, d]: [[i64; 3]; 4]) -> i128 {
+        let [b, c, d] = [b, c, d].map(|p| [0, 1, 2].map(|i| i128::from(p[i] - a[i])));
+        b[0] * (c[1] * d[2] - c[2] * d[1])
+            + b[1] * (c[2] * d[0] - c[0] * d[2])
+            + b[2] * (c[0] * d[1] - c[1] * d[0])
+    }
+
+    /// Edges, eyes and points with whole coordinates, whose volumes exceed the precision of a double. Many
+    /// points are in the plane of the eye and the edge, or beside it by as little as there is.
+    #[test]
+    fn points_are_inside_an_edge_only_if_they_exactly_are_wherever_its_ends_are_placed() {
+        let mut random = visibility_testing::Random(43);
+        let mut whole = |bits: u32| (random.bits() >> (63 - bits)) as i64 - (1 << bits);
+        let (mut held, mut kept, mut left) = (0, 0, 0);
+        for round in 0..60_000 {
+            // All coordinates are multiples of 2^-8.
+            let point = |whole: &mut dyn FnMut(u32) -> i64, bits| [(); 3].map(|()| whole(bits) << 8);
+            let plus = |p: [i64; 3], k: i64, q: [i64; 3]| [0, 1, 2].map(|i| p[i] + k * q[i]);
+            let eye = point(&mut whole, 12);
+            let (u, v) = (point(&mut whole, 18), point(&mut whole, 18));
+            let ends = [plus(eye, 1, u), plus(eye, 1, v)];
+            let aside = point(&mut whole, 17);
+            let from_front = whole(1) > 0;
+            // A view ray inside an edge of a polygon that is seen from its front passes it on its left.
+            let turn = if from_front { -1 } else { 1 };
+            let is_inside = |eye, [a, b]: [_; 2], q| i128::from(turn) * volume([eye, a, b, q]) > 0;
+            let inner = plus(plus(plus(eye, 1, u), 1, v), 1, aside);
+            let inner = if is_inside(eye, ends, inner) { inner } else { plus(inner, -2, aside) };
+            let little = point(&mut whole, [0, 3, 8, 17][round % 4]);
+            let q = plus(plus(plus(eye, whole(3), u), whole(3), v), i64::from(round % 3 != 0), little);
+            let placed = [0, 1][round / 12 % 2];
+            let metres = |p: [i64; 3]| DVec3::from_array(p.map(|x| x as f64 / 256.0));
+            let mut edge = Edge::new(ends.map(metres), metres(inner), 0, placed as f64 / 256.0);
+            let from = Eye::Point(metres(eye));
+            edge.update_eye(&from, 0.0, from_front);
+            let is_held = edge.holds(&from, metres(q), metres(q));
+            let [inside, outside] = edge.clearance(metres(eye), metres(q), metres(q));
+            for _ in 0..4 {
+                let off = [(); 2].map(|()| [(); 3].map(|()| placed * whole(1).signum()));
+                let moved = [0, 1].map(|i| plus(ends[i], 1, off[i]));
+                assert!(!is_held || is_inside(eye, moved, q), "round {round}: {q:?} is outside of {edge:?}");
+                held += usize::from(is_held);
+                // Eyes almost as far away as the answer lasts.
+                let way = DVec3::from_array([(); 3].map(|()| whole(20) as f64)).normalize();
+                let distance = if is_inside(eye, ends, q) { inside } else { outside };
+                let way = (way * distance * 256.0).to_array().map(|x| x.trunc() as i64);
+                let there = plus(eye, 1, way);
+                if distance > 1.0 && distance < 1e6 {
+                    let now = is_inside(there, moved, q);
+                    let was = is_inside(eye, ends, q);
+                    assert_eq!(
+                        now, was,
+                        "round {round}: {q:?} from {there:?}, {distance} m from {eye:?}: {edge:?}"
+                    );
+                    if was { kept += 1 } else { left += 1 }
+                }
+            }
+        }
+        assert!(
+            held > 20_000 && kept > 5_000 && left > 5_000,
+            "{held} held, {kept} kept inside, {left} outside"
+        );
+    }
 }
