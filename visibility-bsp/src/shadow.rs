@@ -132,10 +132,8 @@ pub(crate) fn plane_of(
     for pair in rest.windows(2) {
         sum += (pair[0] - first).cross(pair[1] - first);
     }
+    // The normal is NaN without an area, or with an infinite one; so are then all distances along it.
     let scale = sum.abs().max_element();
-    if !(scale > 0.0 && scale.is_finite()) {
-        return None;
-    }
     let area = 0.5 * scale * (sum / scale).length();
     let normal = (sum / scale).normalize();
     let mut extent_along_normal = [f64::INFINITY, f64::NEG_INFINITY];
@@ -143,7 +141,7 @@ pub(crate) fn plane_of(
         let along = normal.dot(*v);
         let error = 8.0 * U * normal.abs().dot(v.abs()) + 2.0 * placing_error + f64::MIN_POSITIVE;
         let [low, high] = [along - error, along + error];
-        if !(low.is_finite() && high.is_finite()) {
+        if !(high - low).is_finite() {
             return None;
         }
         extent_along_normal = [extent_along_normal[0].min(low), extent_along_normal[1].max(high)];
@@ -351,7 +349,7 @@ mod tests {
         // Whole numbers whose products exceed the precision of a double, but fit in 128 bits.
         let mut random = visibility_testing::Random(7);
         let mut whole = |bits: u32| (random.bits() >> (63 - bits)) as i64 - (1 << bits);
-        let mut decided = 0;
+        let (mut decided, mut boxes) = (0, 0);
         for round in 0..100_000 {
             let (n, p) = ([whole(50), whole(50), whole(50)], [whole(23), whole(23), whole(23)]);
             let [normal, point] = [n, p].map(|v| DVec3::from_array(v.map(|x| x as f64)));
@@ -361,8 +359,22 @@ mod tests {
             let side = plane.side(point, point);
             assert!(side == 0 || side == exact.signum() as i32, "{side}: {exact} at {point} of {plane:?}");
             decided += i32::from(side != 0);
+            // A box from the point to near the origin, on the side on which the point is.
+            let other = [0, 1, 2].map(|i| if (n[i] > 0) == (p[i] > 0) { 1 } else { p[i] });
+            let [a, b] = [p, other].map(|p| DVec3::from_array(p.map(|x| x as f64)));
+            let side = plane.side(a.min(b), a.max(b));
+            for corner in 0..8 {
+                let corner = [0, 1, 2].map(|i| if corner >> i & 1 == 0 { p[i] } else { other[i] });
+                let exact =
+                    (0..3).map(|i| i128::from(n[i]) * i128::from(corner[i])).sum::<i128>() + offset as i128;
+                assert!(
+                    side == 0 || side == exact.signum() as i32,
+                    "{side}: {exact}, a box at {point}, {plane:?}"
+                );
+            }
+            boxes += i32::from(side != 0);
         }
-        assert!(decided > 10_000, "{decided}");
+        assert!(decided > 10_000 && boxes > 10_000, "{decided} points decided, {boxes} boxes");
     }
 
     #[test]

@@ -3,7 +3,6 @@
 use super::group::{Edge, Face, Group};
 use crate::clip_projection::ClipProjection;
 use crate::occluders::Occluders;
-use crate::shadow::mean_of;
 use alloc::vec::Vec;
 use hashbrown::HashMap;
 use visibility_core::glam::{Affine3A, DVec3};
@@ -111,12 +110,11 @@ impl GroupMap {
         for (number, &polygon) in polygons.iter().enumerate() {
             let occluder_polygon = occluders.occluder_polygon(polygon);
             let v = occluder_polygon.vertices;
-            let middle = mean_of(v.iter().copied());
             let first = edges.len();
             for i in 0..v.len() {
                 let ends = [v[i], v[(i + 1) % v.len()]];
                 self.shared.push((key(ends), number, first + i));
-                edges.push(Edge::new(ends, middle, number, occluder_polygon.placing_error));
+                edges.push(Edge::new(ends, number, occluder_polygon.placing_error));
             }
             faces.push(Face::new(&occluder_polygon));
             groups.push(Group { edges: first..edges.len(), polygons: [number; 2], usable: true });

@@ -12,13 +12,11 @@ use visibility_core::view::Eye;
 const MAX_PLACING_ERROR: f64 = 1.0 / (1u64 << 24) as f64;
 
 /// An edge of a polygon and the plane through this edge and the eye of the frame. The inner side of the plane
-/// is the side that its normal points to, on which the polygon lies.
+/// is the side that its normal points to.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge {
     /// Ends of the edge, in metres relative to `Scene::origin`.
     pub(super) ends: [DVec3; 2],
-    /// A point inside the polygon, in metres relative to `Scene::origin`.
-    pub(super) inner: DVec3,
     /// Index in `Groups::faces` of the polygon.
     pub(super) face: usize,
     /// Bound on the error of each coordinate of `ends`, in metres.
@@ -115,21 +113,21 @@ impl Face {
 impl Edge {
     /// Creates an edge of polygon number `face` between two points in metres relative to `Scene::origin`, in
     /// boundary order, counter-clockwise as seen from the polygon's front. Each coordinate may be off by
-    /// `placing_error` metres. `inner` is a point inside the polygon. No box is inside the edge's plane until
-    /// [`update_eye`](Self::update_eye) is called.
-    pub(super) fn new(ends: [DVec3; 2], inner: DVec3, face: usize, placing_error: f64) -> Self {
+    /// `placing_error` metres. No box is inside the edge's plane until [`update_eye`](Self::update_eye) is
+    /// called.
+    pub(super) fn new(ends: [DVec3; 2], face: usize, placing_error: f64) -> Self {
         let (slope, least) = (f64::INFINITY, f64::INFINITY);
-        Self { ends, inner, face, placing_error, normal: DVec3::ZERO, turn: 0.0, slope, least }
+        Self { ends, face, placing_error, normal: DVec3::ZERO, turn: 0.0, slope, least }
     }
 
     /// Computes the plane through the eye and the edge. A view ray is on its inner side if it passes the edge
     /// on the side on which the polygon's boundary encircles it, seen from the polygon's front or not as
-    /// `from_front` tells. `eye_error` bounds the eye's error: in metres for a point, as the length of the
-    /// difference for a unit direction.
+    /// `from_front` tells. A ray that is on the inner side of all edges of a closed boundary is encircled by
+    /// it, however the boundary winds. `eye_error` bounds the eye's error: in metres for a point, as the
+    /// length of the difference for a unit direction.
     ///
-    /// No box is inside the plane if the ends are off by more than 2^-24 of their distance from the eye (for
-    /// parallel views: of the edge's length), or if `inner` is not surely inside: the polygon is seen edge
-    /// on, or its boundary, which is flat up to a tolerance alone, runs the other way.
+    /// No box is inside the plane if the ends are off by more than 2^-24 of their distance from the eye; for
+    /// parallel views, of the edge's length.
     pub(super) fn update_eye(&mut self, eye: &Eye, eye_error: f64, from_front: bool) {
         // The plane's value at a point is a determinant of three differences to the eye: six products of
         // three factors. Rounding adds at most `8u` of each product, and an eye that is off by `e` adds at
@@ -155,9 +153,7 @@ impl Edge {
                 size
             }
         };
-        let inner = self.inner - self.base(eye);
-        let is_inside = self.normal.dot(inner) > self.error(inner.abs().max_element());
-        if !is_inside || self.placing_error > MAX_PLACING_ERROR * nearest {
+        if self.placing_error > MAX_PLACING_ERROR * nearest {
             self.least = f64::INFINITY;
         }
     }
@@ -224,15 +220,15 @@ mod tests {
 
     /// The edge that bounds the shadow on the side of +y, seen from the origin.
     fn edge(placing_error: f64) -> Edge {
-        let ends = [DVec3::new(1.0, 1.0, 1.0), DVec3::new(1.0, 1.0, -1.0)];
-        Edge::new(ends, DVec3::X, 0, placing_error)
+        Edge::new([DVec3::new(1.0, 1.0, 1.0), DVec3::new(1.0, 1.0, -4.0)], 0, placing_error)
     }
 
     #[test]
     fn an_edge_whose_ends_are_placed_worse_than_a_direction_may_be_bounds_no_shadow() {
         let (min, max) = (DVec3::new(3.0, -1.0, -1.0), DVec3::new(4.0, 1.0, 1.0));
-        for eye in [Eye::Point(DVec3::ZERO), Eye::Direction(DVec3::X)] {
-            for (error, holds) in [(0.0, true), (5e-8, true), (1.3e-7, false), (1e-3, false)] {
+        // The nearer end is 1 m away, and the edge 5 m long.
+        for (eye, limit) in [(Eye::Point(DVec3::ZERO), 6e-8), (Eye::Direction(DVec3::X), 3e-7)] {
+            for (error, holds) in [(0.0, true), (0.98 * limit, true), (1.02 * limit, false), (1e-3, false)] {
                 let mut edge = edge(error);
                 edge.update_eye(&eye, 0.0, true);
                 let (low, high) = (min, max.min(DVec3::new(4.0, 0.5, 1.0)));
@@ -279,26 +275,34 @@ mod tests {
             let eye = point(&mut whole, 12);
             let (u, v) = (point(&mut whole, 18), point(&mut whole, 18));
             let ends = [plus(eye, 1, u), plus(eye, 1, v)];
-            let aside = point(&mut whole, 17);
             let from_front = whole(1) > 0;
             // A view ray inside an edge of a polygon that is seen from its front passes it on its left.
             let turn = if from_front { -1 } else { 1 };
             let is_inside = |eye, [a, b]: [_; 2], q| i128::from(turn) * volume([eye, a, b, q]) > 0;
-            let inner = plus(plus(plus(eye, 1, u), 1, v), 1, aside);
-            let inner = if is_inside(eye, ends, inner) { inner } else { plus(inner, -2, aside) };
             let little = point(&mut whole, [0, 3, 8, 17][round % 4]);
             let q = plus(plus(plus(eye, whole(3), u), whole(3), v), i64::from(round % 3 != 0), little);
-            let placed = [0, 1][round / 12 % 2];
+            let [placed, known] = [round / 12 % 2, round / 24 % 2].map(|x| x as i64);
             let metres = |p: [i64; 3]| DVec3::from_array(p.map(|x| x as f64 / 256.0));
-            let mut edge = Edge::new(ends.map(metres), metres(inner), 0, placed as f64 / 256.0);
+            let mut edge = Edge::new(ends.map(metres), 0, placed as f64 / 256.0);
             let from = Eye::Point(metres(eye));
-            edge.update_eye(&from, 0.0, from_front);
-            let is_held = edge.holds(&from, metres(q), metres(q));
+            edge.update_eye(&from, known as f64 / 256.0, from_front);
+            // A box that reaches to beside the eye, or a point.
+            let near = plus(eye, 1, [256; 3].map(|x| x * whole(2)));
+            let other = if round % 5 == 0 { near } else { q };
+            let (min, max) = (metres(q).min(metres(other)), metres(q).max(metres(other)));
+            let is_held = edge.holds(&from, min, max);
             let [inside, outside] = edge.clearance(metres(eye), metres(q), metres(q));
             for _ in 0..4 {
-                let off = [(); 2].map(|()| [(); 3].map(|()| placed * whole(1).signum()));
-                let moved = [0, 1].map(|i| plus(ends[i], 1, off[i]));
-                assert!(!is_held || is_inside(eye, moved, q), "round {round}: {q:?} is outside of {edge:?}");
+                let mut off = |most: i64| [(); 3].map(|()| most * whole(1).signum());
+                let moved = ends.map(|end| plus(end, 1, off(placed)));
+                let seen_from = plus(eye, 1, off(known));
+                for corner in 0..if is_held { 8 } else { 0 } {
+                    let corner = [0, 1, 2].map(|i| if corner >> i & 1 == 0 { q[i] } else { other[i] });
+                    assert!(
+                        is_inside(seen_from, moved, corner),
+                        "round {round}: {corner:?} is outside of {edge:?}"
+                    );
+                }
                 held += usize::from(is_held);
                 // Eyes almost as far away as the answer lasts.
                 let way = DVec3::from_array([(); 3].map(|()| whole(20) as f64)).normalize();
@@ -320,5 +324,40 @@ mod tests {
             held > 20_000 && kept > 5_000 && left > 5_000,
             "{held} held, {kept} kept inside, {left} outside"
         );
+    }
+
+    /// As above, along a direction of whole numbers: the plane is parallel to it.
+    #[test]
+    fn points_are_inside_an_edge_of_a_parallel_view_only_if_they_exactly_are() {
+        let mut random = visibility_testing::Random(44);
+        let mut whole = |bits: u32| (random.bits() >> (63 - bits)) as i64 - (1 << bits);
+        let mut held = 0;
+        for round in 0..40_000 {
+            let plus = |p: [i64; 3], k: i64, q: [i64; 3]| [0, 1, 2].map(|i| p[i] + k * q[i]);
+            let [along, side, first, little] = [20, 24, [4, 28][round % 2], [0, 3, 9, 20][round / 2 % 4]]
+                .map(|bits| [(); 3].map(|()| whole(bits)));
+            let q = plus(plus(plus(first, whole(3), along), whole(3), side), 1, little);
+            let [placed, known] = [round / 8 % 2, round / 16 % 2].map(|x| x as i64);
+            let metres = |p: [i64; 3]| DVec3::from_array(p.map(|x| x as f64));
+            let ends = [first, plus(first, 1, side)];
+            let mut edge = Edge::new(ends.map(metres), 0, placed as f64 * 0.5);
+            // The direction is of about unit length.
+            let unit = 2f64.powi(-20);
+            let from = Eye::Direction(metres(along) * unit);
+            edge.update_eye(&from, known as f64 * unit, true);
+            if !edge.holds(&from, metres(q), metres(q)) {
+                continue;
+            }
+            held += 1;
+            let mut off = |most: i64| [(); 3].map(|()| most * whole(1).signum());
+            for _ in 0..8 {
+                // In halves.
+                let [a, b] = ends.map(|end| plus(off(placed), 2, end));
+                let along = plus(along, 1, off(known));
+                let inside = -volume([a, plus(a, 1, along), b, [0, 1, 2].map(|i| 2 * q[i])]);
+                assert!(inside > 0, "round {round}: {q:?} is outside of {edge:?}");
+            }
+        }
+        assert!(held > 3_000, "points inside an edge: {held}");
     }
 }
