@@ -505,4 +505,75 @@ mod tests {
         }
         assert!(before > 5000, "{before}");
     }
+
+    /// Rows and points of whole numbers, whose products exceed the precision of a double. The oracle moves a
+    /// point by the placing error to the worse side of each row.
+    #[test]
+    fn a_direction_is_that_of_the_point_wherever_the_point_is_placed() {
+        let mut whole = Whole(Random(9));
+        let (mut rounded, mut refused) = (0, 0);
+        for round in 0..50_000 {
+            let mut rows = [(); 3].map(|()| [(); 3].map(|()| whole.next(36)));
+            let point = [(); 3].map(|()| whole.next(20));
+            if round % 4 == 0 && point[0].abs() > 1 << 10 {
+                // The first row nearly vanishes at the point.
+                let rest = point[1] * rows[0][1] + point[2] * rows[0][2];
+                rows[0][0] = -rest / point[0];
+            }
+            // In powers of two.
+            let placing = [None, Some(-6), Some(-9), Some(6)][round % 7 % 4];
+            let placing_error = placing.map_or(0.0, |power| 2f64.powi(power));
+            let row = |row: [i64; 3]| ClipRow {
+                linear: DVec3::from_array(row.map(|x| x as f64)),
+                constant: 0.0,
+                error: 0.0,
+            };
+            let projection = ClipProjection { rows: rows.map(row), ..ClipProjection::BLIND };
+            let exact =
+                rows.map(|row| (0..3).map(|i| i128::from(row[i]) * i128::from(point[i])).sum::<i128>());
+            let p = DVec3::from_array(point.map(|x| x as f64));
+            let Some(direction) = projection.direction(p, placing_error) else {
+                refused += 1;
+                continue;
+            };
+            // In multiples of 2^-60.
+            let scaled = |x: f64| (x * 2f64.powi(60)) as i128;
+            let size = exact.iter().map(|x| x.abs()).max().unwrap_or(0);
+            for (i, (row, exact)) in rows.iter().zip(exact).enumerate() {
+                let sum = row.iter().map(|&x| i128::from(x.abs())).sum::<i128>();
+                let moved = placing.map_or(0, |power| sum << (60 + power));
+                let off = (scaled(direction.v[i]) * size - (exact << 60)).abs();
+                let most = scaled(direction.error) * size;
+                assert!(off + moved <= most, "round {round}: {p}, row {i}: {direction:?}");
+                rounded += usize::from(off > 0);
+            }
+        }
+        assert!(
+            rounded > 50_000 && refused > 100,
+            "components rounded: {rounded}, directions refused: {refused}"
+        );
+    }
+
+    #[test]
+    fn a_box_is_outside_of_the_eye_only_beyond_the_clearance() {
+        let eye = DVec3::new(1.0, 2.0, 3.0);
+        let at = |eye_error| ClipProjection { eye: Eye::Point(eye), eye_error, ..ClipProjection::BLIND };
+        for axis in DVec3::AXES {
+            for sign in [1.0, -1.0] {
+                let around = |distance: f64| {
+                    let [a, b] = [distance, distance + 5.0].map(|x| eye + sign * x * axis);
+                    [a.min(b) - (DVec3::ONE - axis), a.max(b) + (DVec3::ONE - axis)]
+                };
+                assert!(at(0.0).is_outside(&around(2.0), 1.0), "beyond the clearance");
+                assert!(!at(0.0).is_outside(&around(1.0), 1.0), "at the clearance");
+                assert!(!at(0.0).is_outside(&around(0.0), 0.0), "the eye on a side of the box");
+                assert!(!at(0.0).is_outside(&around(-1.0), 0.0), "the eye in the box");
+                // The eye may be at the box.
+                assert!(!at(1.0).is_outside(&around(1.0), 0.0), "an eye that is known to a metre");
+                assert!(!at(1.0).is_outside(&around(2.5), 1.0), "the same eye, with a clearance");
+                assert!(!at(0.0).is_outside(&around(f64::NAN), 0.0), "a box that is not a number");
+                assert!(!at(f64::INFINITY).is_outside(&around(9.0), 0.0), "an eye that is anywhere");
+            }
+        }
+    }
 }

@@ -59,7 +59,9 @@ impl SceneTree {
     }
 
     /// Updates the tree to the scene's present revision by removing and inserting the triangles of changed
-    /// objects. For another scene than before, the tree is built anew as by [`new`](Self::new).
+    /// objects. The tree is built anew as by [`new`](Self::new) for another scene than before, and after an
+    /// object has gone that was some 16 times as far from `Scene::origin` as all that remain, since
+    /// planes keep the margins that it needed.
     ///
     /// # Errors
     /// [`BspError::TooManyFragments`], if the triangles of an object, or of the scene in a rebuild, are cut
@@ -81,6 +83,17 @@ impl SceneTree {
                     self.tree.remove(index(id));
                     self.represented[id.index()] = None;
                 }
+                if self.has_lost_extent(scene) {
+                    if let Ok(new) = Self::new(scene) {
+                        *self = new;
+                        return Ok(());
+                    }
+                    // Objects are then inserted one by one, each of which may be left out.
+                    self.tree = BspTree::new();
+                    self.represented.fill(None);
+                    self.changed.clear();
+                    self.changed.extend(scene.ids());
+                }
                 let mut result = Ok(());
                 // The index of a removed object may belong to another object, which is listed too.
                 for &id in self.changed.iter().filter(|&&id| scene.contains(id)) {
@@ -94,6 +107,18 @@ impl SceneTree {
             }
         }
         Ok(())
+    }
+
+    /// Tests whether the margins of planes are for coordinates more than 16 times as great as any in the tree
+    /// or of the changed objects that are to be inserted. False for a tree without polygons.
+    fn has_lost_extent(&self, scene: &Scene) -> bool {
+        let enough = self.tree.magnitude().max_element() / 16.0;
+        let bounds = self.tree.bounds();
+        if self.tree.is_empty() || f64::from(bounds.min.abs().max(bounds.max.abs()).max_element()) >= enough {
+            return false;
+        }
+        let mut triangles = self.changed.iter().flat_map(|&id| corners(scene, id));
+        !triangles.any(|t| t.iter().any(|v| v.abs().max_element() >= enough) && BspTree::accepts(&t))
     }
 
     /// Returns the object with this index, if all of its triangles are in the tree; otherwise `None`.
@@ -238,5 +263,49 @@ mod tests {
         scene.set_triangles(long, [part]).unwrap();
         assert_eq!(tree.sync(&scene), Ok(()), "the object has another form");
         assert_eq!(tree.object(index(long)), Some(long), "the object is in the tree");
+    }
+
+    #[test]
+    fn a_far_object_that_cannot_be_inserted_leaves_all_margins_as_they_were() {
+        let mut scene = Scene::new();
+        insert(&mut scene, (0..4600).map(|i| across(i as f32)).collect());
+        let mut tree = SceneTree::new(&scene).unwrap();
+        let magnitude = tree.tree().magnitude();
+        let far = 1e9;
+        let long = [Vec3::new(-1.0, -0.5, 0.0), Vec3::new(far, -0.5, 0.0), Vec3::new(far, 0.5, 0.0)];
+        insert(&mut scene, vec![long]);
+        assert!(tree.sync(&scene).is_err(), "a triangle across all planes");
+        assert_eq!(tree.tree().magnitude(), magnitude, "the bound on coordinates");
+        insert(&mut scene, vec![across(-1.0)]);
+        let steps = steps_of(|| tree.sync(&scene).unwrap());
+        assert!(steps < 10, "{steps} steps to insert a triangle");
+    }
+
+    /// Slats along all three axes, which cut each other: they can be inserted one by one, and not together.
+    #[test]
+    fn a_tree_that_cannot_be_built_anew_is_made_of_single_objects() {
+        let mut scene = Scene::new();
+        let mut tree = SceneTree::new(&scene).unwrap();
+        let mut ids = vec![];
+        for number in 0..96 {
+            let (axis, at) = (number % 3, (number / 3) as f32 - 16.0);
+            let turned = |[s, t]: [f32; 2]| {
+                let p = [at + s * 1e-3 * (1.0 + at), 50.0 * s, 50.0 * t];
+                Vec3::new(p[(3 - axis) % 3], p[(4 - axis) % 3], p[(5 - axis) % 3])
+            };
+            ids.push(insert(&mut scene, vec![[[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]].map(turned)]));
+            tree.sync(&scene).unwrap();
+        }
+        assert!(SceneTree::new(&scene).is_err(), "all slats at once cut each other too often");
+        let magnitude = tree.tree().magnitude();
+        let far = insert(&mut scene, vec![across(1e9)]);
+        tree.sync(&scene).unwrap();
+        scene.remove(far).unwrap();
+        tree.sync(&scene).unwrap();
+        assert!(tree.tree().magnitude().cmple(2.0 * magnitude).all(), "the bound on coordinates");
+        for &id in &ids {
+            assert_eq!(tree.object(index(id)), Some(id), "a slat is in the tree");
+        }
+        assert_eq!(tree.object(index(far)), None, "the far object is gone");
     }
 }

@@ -12,6 +12,10 @@
 //! # The near plane
 //! Geometry in front of the near plane is not drawn, so it must not hide. A patch that crosses the near plane
 //! is cut a little beyond it. The other edges keep their exact ends, and the cut becomes an edge of its own.
+//! The plane of the cut must surely divide the vertices that are cut off from those that are not. A view ray
+//! inside the cut and the other edges is then encircled by the loop with the cut in place of what is cut off,
+//! and so by the loop itself. Of an uneven patch that is seen almost edge on, a vertex that is cut off may
+//! project inside the cut; such a patch casts no shadow.
 //! A view ray may meet an uneven patch nearer to the eye than its outline suggests; see
 //! `ClipProjection::near_unevenness`.
 
@@ -128,24 +132,21 @@ pub(crate) fn plane_of(
     for pair in rest.windows(2) {
         sum += (pair[0] - first).cross(pair[1] - first);
     }
+    // The normal is NaN without an area, or with an infinite one; so are then all distances along it.
     let scale = sum.abs().max_element();
-    if !(scale > 0.0 && scale.is_finite()) {
-        return None;
-    }
     let area = 0.5 * scale * (sum / scale).length();
     let normal = (sum / scale).normalize();
     let mut extent_along_normal = [f64::INFINITY, f64::NEG_INFINITY];
     for v in vertices.iter().chain(inner) {
         let along = normal.dot(*v);
         let error = 8.0 * U * normal.abs().dot(v.abs()) + 2.0 * placing_error + f64::MIN_POSITIVE;
-        extent_along_normal =
-            [extent_along_normal[0].min(along - error), extent_along_normal[1].max(along + error)];
+        let [low, high] = [along - error, along + error];
+        if !(high - low).is_finite() {
+            return None;
+        }
+        extent_along_normal = [extent_along_normal[0].min(low), extent_along_normal[1].max(high)];
     }
-    (extent_along_normal[0].is_finite() && extent_along_normal[1].is_finite()).then_some((
-        normal,
-        extent_along_normal,
-        area,
-    ))
+    Some((normal, extent_along_normal, area))
 }
 
 /// Returns the mean of some points, in the points' own space; zero for none.
@@ -289,6 +290,7 @@ impl Shadows {
                 self.corners.push(ShadowCorner { p, v, size, edge: if keeps_a { u8::MAX } else { number } });
             }
         }
+        let mut cut = None;
         if !whole {
             // A convex loop is cut by the near plane once or not at all.
             let corners = &self.corners[first_corner..];
@@ -298,6 +300,7 @@ impl Shadows {
                     (projection.direction(a, placing_error)?, projection.direction(b, placing_error)?);
                 let line = Line::through(&da, &db)?;
                 let number = (self.edges.len() - first_edge) as u8;
+                cut = Some(self.edges.len());
                 self.edges.push(ShadowEdge { line, ends: [DVec3::NAN; 2], directions: [da, db] });
                 self.corners[first_corner + out].edge = number;
                 if self.corners[first_corner..].iter().any(|c| c.edge == u8::MAX) {
@@ -323,6 +326,16 @@ impl Shadows {
                 return None;
             }
         }
+        if let Some(cut) = cut {
+            let line = self.edges[cut].line;
+            for (direction, &near) in self.directions.iter().zip(&self.near) {
+                let &Direction { v, error, .. } = direction.as_ref()?;
+                let inside = if near > limit { line.at(v) } else { -line.at(v) };
+                if !(inside > line.slack + slack_of(error)) {
+                    return None;
+                }
+            }
+        }
         Some(BackPlane { normal, offset: back_offset })
     }
 }
@@ -336,7 +349,7 @@ mod tests {
         // Whole numbers whose products exceed the precision of a double, but fit in 128 bits.
         let mut random = visibility_testing::Random(7);
         let mut whole = |bits: u32| (random.bits() >> (63 - bits)) as i64 - (1 << bits);
-        let mut decided = 0;
+        let (mut decided, mut boxes) = (0, 0);
         for round in 0..100_000 {
             let (n, p) = ([whole(50), whole(50), whole(50)], [whole(23), whole(23), whole(23)]);
             let [normal, point] = [n, p].map(|v| DVec3::from_array(v.map(|x| x as f64)));
@@ -346,7 +359,68 @@ mod tests {
             let side = plane.side(point, point);
             assert!(side == 0 || side == exact.signum() as i32, "{side}: {exact} at {point} of {plane:?}");
             decided += i32::from(side != 0);
+            // A box from the point to near the origin, on the side on which the point is.
+            let other = [0, 1, 2].map(|i| if (n[i] > 0) == (p[i] > 0) { 1 } else { p[i] });
+            let [a, b] = [p, other].map(|p| DVec3::from_array(p.map(|x| x as f64)));
+            let side = plane.side(a.min(b), a.max(b));
+            for corner in 0..8 {
+                let corner = [0, 1, 2].map(|i| if corner >> i & 1 == 0 { p[i] } else { other[i] });
+                let exact =
+                    (0..3).map(|i| i128::from(n[i]) * i128::from(corner[i])).sum::<i128>() + offset as i128;
+                assert!(
+                    side == 0 || side == exact.signum() as i32,
+                    "{side}: {exact}, a box at {point}, {plane:?}"
+                );
+            }
+            boxes += i32::from(side != 0);
         }
-        assert!(decided > 10_000, "{decided}");
+        assert!(decided > 10_000 && boxes > 10_000, "{decided} points decided, {boxes} boxes");
+    }
+
+    #[test]
+    fn the_extent_of_a_polygon_holds_its_vertices_wherever_they_are_placed() {
+        let mut random = visibility_testing::Random(8);
+        let mut whole = |bits: u32| (random.bits() >> (63 - bits)) as i64 - (1 << bits);
+        // Whole multiples of 2^-80 hold a unit normal of `f64`, but for components below 2^-28.
+        let scaled = |x: f64| (x * 2f64.powi(80)) as i128;
+        let mut rounded = 0;
+        for round in 0..20_000 {
+            let points = [(); 5].map(|()| [whole(23), whole(23), whole(23)]);
+            let [a, b, c, d, e] = points.map(|p| DVec3::from_array(p.map(|x| x as f64)));
+            let placing_error = [0.0, 0.5, 64.0][round % 3];
+            let Some((normal, [low, high], _)) = plane_of(&[a, b, c], &[d, e], placing_error) else {
+                continue;
+            };
+            if normal.abs().min_element() < 2f64.powi(-28) {
+                continue;
+            }
+            // The farthest that an error of each coordinate moves a point along the normal.
+            let moved = scaled(placing_error * normal.abs().element_sum());
+            for point in points {
+                let terms = point.iter().zip(normal.to_array());
+                let exact: i128 = terms.map(|(&x, n)| i128::from(x) * scaled(n)).sum();
+                let [low, high] = [low, high].map(scaled);
+                assert!(low <= exact - moved && exact + moved <= high, "round {round}: {point:?}, {normal}");
+                let near = normal.dot(DVec3::from_array(point.map(|x| x as f64)));
+                rounded += usize::from(scaled(near) != exact);
+            }
+        }
+        assert!(rounded > 50_000, "distances that are rounded: {rounded}");
+    }
+
+    #[test]
+    fn polygons_without_area_or_with_infinite_points_have_no_plane() {
+        let [a, b, c] = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        assert!(plane_of(&[a, b, c], &[], 0.0).is_some_and(|(normal, ..)| normal == DVec3::Z), "a triangle");
+        assert!(plane_of(&[a, b, c], &[], 0.0).is_some_and(|(.., area)| area == 0.5), "area of a triangle");
+        for bad in [DVec3::NAN, DVec3::INFINITY, DVec3::new(0.0, 0.0, f64::NEG_INFINITY)] {
+            assert!(plane_of(&[a, b, bad], &[], 0.0).is_none(), "{bad} in the outline");
+            assert!(plane_of(&[a, b, c], &[bad], 0.0).is_none(), "{bad} inside");
+        }
+        assert!(plane_of(&[a, b, 2.0 * b], &[], 0.0).is_none(), "no area");
+        assert!(plane_of(&[], &[], 0.0).is_none(), "no vertices");
+        assert!(plane_of(&[a, b, c], &[], f64::INFINITY).is_none(), "placed anywhere");
+        // Products of huge coordinates overflow.
+        assert!(plane_of(&[1e200 * a, 1e200 * b, 1e200 * c], &[], 0.0).is_none(), "area beyond all numbers");
     }
 }

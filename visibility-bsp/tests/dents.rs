@@ -1,6 +1,7 @@
 //! Patches whose surface leaves the plane of their outline by what counts as flat, and meshes whose placed
 //! vertices are rounded: an object in the dent, or beside the true edge, must not be hidden.
 
+use crate::common::meets;
 use crate::rims::cullers;
 use visibility_bsp::OcclusionTree;
 use visibility_core::glam::{Affine3A, DVec3, Mat3, Vec3};
@@ -8,8 +9,10 @@ use visibility_core::{
     Aabb, Object, ObjectId, OccluderMesh, OcclusionMap, Pose, Scene, View, VisibleSet,
     geometry::Plane,
     occlusion::{Occlusion, Preparation},
-    view::Window,
+    scene::Triangle,
+    view::{Eye, Window},
 };
+use visibility_testing::{Random, judged, told_enough};
 
 /// Returns a scene of four one-sided triangles around a hub, seen counter-clockwise, and the boxes of
 /// objects, each rotated by `placed`. The rim is the square of half-width 500 m at z = 0, the hub is at
@@ -142,4 +145,139 @@ fn what_is_beside_the_true_edge_of_a_placed_mesh_is_not_hidden() {
         assert_answers(&scene, &from, &ids[..1], &ids[1..], "beside the edge of a placed mesh");
     }
     assert!(cases > 20, "walls whose edge is rounded to the wrong side: {cases}");
+}
+
+/// The two triangles of a quadrilateral `[w, a, f, b]` that is flat but for the corners `a` and `b`, by less
+/// than a millionth of its length, seen counter-clockwise from above.
+fn quadrilateral([w, a, f, b]: [Vec3; 4]) -> [Triangle; 2] {
+    [[w, a, f], [w, f, b]]
+}
+
+/// Returns a scene of a one-sided quadrilateral and the boxes of objects.
+fn uneven(corners: [Vec3; 4], boxes: &[Aabb]) -> (Scene, Vec<ObjectId>) {
+    let mut scene = Scene::new();
+    let ground = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(corners)) });
+    scene.set_triangles(ground, quadrilateral(corners)).unwrap();
+    scene.set_one_sided(ground, true).unwrap();
+    let ids = boxes.iter().map(|&bounds| scene.insert(bounds)).collect();
+    // Regions of eyes reach up to it.
+    scene.insert(slab(1.0, 5.0, 6.0));
+    scene.prepare_occluders(&Preparation::default().with_sliver(0.0));
+    (scene, ids)
+}
+
+/// Seen along the plane of its corners `w`, `f` and the mean of all, the two others are below: the outline
+/// winds around nothing.
+#[test]
+fn what_is_under_a_quadrilateral_that_is_seen_edge_on_is_not_hidden() {
+    let low = Aabb::from_arrays([5.0, -0.5, -3.0], [6.0, 0.5, -2.0]);
+    let corners = [[1.0, 0.0, 0.0], [1.5, -1.0, -1.8e-6], [3.0, 0.0, 0.0], [1.5, 1.0, -1.8e-6]];
+    let (scene, ids) = uneven(corners.map(Vec3::from), &[low]);
+    let eye = DVec3::new(-20.0, 0.0, 0.0);
+    let pose = Pose::look_at(eye, eye + DVec3::new(1.0, 0.0, -0.9e-6), DVec3::Z);
+    let from = View::orthographic(pose, Window::centered(20.0, 20.0), 0.0, 100.0).unwrap();
+    assert_answers(&scene, &from, &ids, &[], "parallel view");
+    let far = corners.map(|corner| 1000.0 * Vec3::from(corner));
+    let (scene, ids) = uneven(far, &[low]);
+    let pose = Pose::look_at(DVec3::new(0.0, 0.0, 0.0009), DVec3::new(1.0, 0.0, 0.0009), DVec3::Z);
+    let from = View::perspective(pose, 2.0, 1.0, 1e-4, f64::INFINITY).unwrap();
+    assert_answers(&scene, &from, &ids, &[], "perspective view");
+}
+
+/// The near plane cuts off all corners but `f`. The corner `w` is nearer than the two beside it, which are
+/// lower: a ray over the cut may pass below `w`.
+#[test]
+fn what_is_seen_under_the_near_end_of_an_uneven_quadrilateral_is_not_hidden() {
+    let corners = [
+        [0.105_828_6, 0.0, 0.0],
+        [0.108_023_06, -0.180_964_48, -0.000_368_551_76],
+        [428.858_34, 0.0, 0.0],
+        [0.108_727_33, 0.180_964_48, -0.000_338_338_96],
+    ];
+    let seen = Aabb::from_points([Vec3::new(0.553_919_14, -0.000_322_283_62, -0.005_491_297_7)]);
+    let (scene, ids) = uneven(corners.map(Vec3::from), &[seen]);
+    let eye = DVec3::new(0.0, 0.0, 0.001_183_174_061_825_197);
+    let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+    let from = View::perspective(pose, 2.0, 1.0, 0.066_327_762, f64::INFINITY).unwrap();
+    assert_answers(&scene, &from, &ids, &[], "under the near end");
+    let mut tree = OcclusionTree::new();
+    tree.begin(&from, DVec3::ZERO);
+    let mesh = OccluderMesh::from_triangles(&quadrilateral(corners.map(Vec3::from))).unwrap();
+    tree.add(&mesh, &Affine3A::IDENTITY);
+    tree.flush();
+    assert_ne!(tree.test(&seen), Occlusion::Hidden, "under the near end, tree of meshes");
+}
+
+/// Quadrilaterals that are uneven by up to a millionth of their length, of which the near plane cuts off
+/// any corners, with points close to the lines of sight to their corners and cut edges.
+#[test]
+fn points_that_are_seen_past_uneven_quadrilaterals_are_not_hidden() {
+    let mut random = Random(41);
+    let (mut hidden, mut shown) = (0, 0);
+    for _ in 0..6_000 {
+        let long = 10f64.powf(random.fine_range(1.0, 4.0));
+        let near = 10f64.powf(random.fine_range(-3.0, -0.5));
+        // The near plane's function at which a cut is made, as a distance; corners are on both sides of it.
+        let cut = 1e-4 * long;
+        let at = |random: &mut Random, y: f64| {
+            let share = [1.0, 0.99, 1.01, 3.0][random.below(4)] * random.fine_range(0.9, 1.0);
+            [near + cut * share, y, -0.9e-6 * long * [0.0, 1.0, random.fine_unit()][random.below(3)]]
+        };
+        let side = random.fine_range(0.3, 3.0) * (near + cut);
+        let (w, a, b) = (at(&mut random, 0.0), at(&mut random, -side), at(&mut random, side));
+        let corners = [w, a, [long, 0.0, 0.0], b].map(|corner| DVec3::from(corner).as_vec3());
+        let height = 10f64.powf(random.fine_range(-6.0, -3.0)) * long;
+        let pose = Pose::look_at(DVec3::new(0.0, 0.0, height), DVec3::new(1.0, 0.0, height), DVec3::Z);
+        let view = if random.one_in(3) {
+            View::orthographic(pose, Window::centered(4.0 * side, 4.0 * side), near, 2.0 * long)
+        } else {
+            View::perspective(pose, 2.0, 1.0, near, f64::INFINITY)
+        };
+        let view = view.unwrap();
+        let triangles = quadrilateral(corners);
+        let Ok(mesh) = OccluderMesh::from_triangles(&triangles) else { continue };
+        let mut tree = OcclusionTree::new();
+        tree.begin(&view, DVec3::ZERO);
+        tree.add(&mesh, &Affine3A::IDENTITY);
+        tree.flush();
+        let plane = view.planes(DVec3::ZERO).as_slice()[4].plane;
+        for _ in 0..12 {
+            // A point of an edge, of the diagonal or of the triangle of the near corners, and one behind it.
+            let (i, j) = (random.below(4), random.below(4));
+            let [p, q] = [i, j].map(|i| corners[i].as_dvec3());
+            let mut on = p + (q - p) * random.fine_unit().powi(1 + 6 * random.below(2) as i32);
+            on.z += random.fine_range(-1.0, 1.0) * 1e-6 * long * [0.0, 1.0][random.below(2)];
+            let (from, along) = match view.eye(DVec3::ZERO) {
+                Eye::Point(eye) => (eye, on - eye),
+                Eye::Direction(along) => (on - along * long, along * long),
+            };
+            let target = (from + along * random.fine_range(1.2, 8.0)).as_vec3();
+            let to = target.as_dvec3();
+            if plane.signed_distance(to) <= 0.0 {
+                continue;
+            }
+            if tree.test(&Aabb::from_points([target])) != Occlusion::Hidden {
+                shown += 1;
+                continue;
+            }
+            let clip = view.clip_from(DVec3::ZERO) * to.extend(1.0);
+            if clip.x.abs().max(clip.y.abs()) > clip.w {
+                continue;
+            }
+            hidden += 1;
+            let from = if let Eye::Direction(along) = view.eye(DVec3::ZERO) {
+                to - along * 9.0 * long
+            } else {
+                from
+            };
+            let blocked = triangles.iter().any(|triangle| {
+                meets(from, to, triangle).is_some_and(|t| {
+                    (0.0..=1.0).contains(&t) && plane.signed_distance(from + (to - from) * t) >= -1e-12 * long
+                })
+            });
+            assert!(blocked, "{to} is seen from {from} past {corners:?} in {view:?}");
+        }
+    }
+    judged(hidden);
+    told_enough(hidden > 2_000 && shown > 10_000, format_args!("{hidden} hidden, {shown} not"));
 }

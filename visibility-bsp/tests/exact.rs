@@ -4,12 +4,12 @@
 use crate::shapes;
 
 use std::collections::HashSet;
-use visibility_bsp::{BspOrderCuller, NaylorCuller, SceneTree, VisiblePoint};
+use visibility_bsp::{BspOrderCuller, NaylorCuller, SceneTree, TraversalStack, VisiblePoint};
 use visibility_core::glam::{DMat4, DQuat, DVec3, Mat4, Vec3};
 use visibility_core::{
     Aabb, Culler, Object, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
     scene::{DrawRange, Triangle},
-    view::{Depth, Window},
+    view::{Depth, Eye, Window},
 };
 use visibility_measure::{DrawnObject, ItemBuffer};
 use visibility_testing::{Random, judged, told_enough};
@@ -293,6 +293,12 @@ fn synced_and_built_trees_give_the_same_answers() {
     let mut tree = SceneTree::new(&scene).unwrap();
     let ids: Vec<_> = scene.ids().collect();
     for round in 0..30 {
+        if random.one_in(3) {
+            let far = 10f64.powf(random.fine_range(2.0, 30.0)) as f32;
+            let far = add(&mut scene, &square(far, far), true);
+            tree.sync(&scene).unwrap();
+            scene.remove(far).unwrap();
+        }
         for _ in 0..3 {
             let id = ids[random.below(ids.len())];
             let by = random.fine_vector(3.0).as_vec3();
@@ -509,4 +515,40 @@ fn thin_triangles_in_one_plane_do_not_hide_each_other() {
         }
     }
     assert!(drawn > 3_000, "only {drawn} pairs of triangles were wide enough to be drawn");
+}
+
+/// A triangle 1e30 m away comes and goes. While it was there, planes had margins of 1e15 m.
+#[test]
+fn an_object_far_away_that_has_gone_hides_nothing_nearby() {
+    for (far, [front, x]) in [(1e30, [15.0, 20.0]), (1e15, [11.0, 12.0]), (1e12, [10.001, 10.002])] {
+        let mut scene = Scene::new();
+        let low = [[10.0, 3.0, 0.0], [10.0, 3.2, 0.0], [10.0, 3.0, 0.2]].map(Vec3::from);
+        add(&mut scene, &[low], true);
+        let [near, _] = square(front, 0.5);
+        let near = add(&mut scene, &[near], true);
+        let mut tree = SceneTree::new(&scene).unwrap();
+        let distant = add(&mut scene, &square(far, 0.1 * far), true);
+        tree.sync(&scene).unwrap();
+        scene.remove(distant).unwrap();
+        tree.sync(&scene).unwrap();
+        let cover = [[x, -99.0, -99.0], [x, 99.0, -99.0], [x, 0.0, 99.0]].map(Vec3::from);
+        let cover = add(&mut scene, &[cover], true);
+        tree.sync(&scene).unwrap();
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+        let indices = |culler: &mut NaylorCuller<&SceneTree>| reported(culler, &scene, &view);
+        let seen = indices(&mut NaylorCuller::new(&tree));
+        assert!(seen.contains(&(near.index() as u32)), "{far:e}: the object in front is visible: {seen:?}");
+        let mut first = None;
+        let mut stack = TraversalStack::new();
+        tree.tree().front_to_back(Eye::Point(DVec3::ZERO), &mut stack, |mut fragments| {
+            let owner = fragments.find(|fragment| fragment.owner() != 0).map(|fragment| fragment.owner());
+            first = first.or(owner);
+        });
+        assert_eq!(first, Some(near.index() as u32), "{far:e}: the object in front comes first");
+        tree.tree().for_each_fragment(cover.index() as u32, |fragment| {
+            let distance = fragment.plane().signed_distance(DVec3::X * f64::from(x));
+            assert!(distance.abs() < 1e-9, "{far:e}: the plane of the object behind is {distance} m off");
+        });
+    }
 }

@@ -7,11 +7,12 @@ use std::sync::Arc;
 use visibility_bsp::{
     LargeOccludersCuller, Occluders, OcclusionTree, OcclusionTreeCuller, ShadowFrusta, ShadowFrustaCuller,
 };
-use visibility_core::glam::{Affine3A, DVec3};
+use visibility_core::glam::{Affine3A, DVec3, DVec4};
 use visibility_core::{
     Aabb, Culler, Object, OccluderMesh, OcclusionMap, Pose, Scene, View, VisibleSet,
     occlusion::{Occlusion, Preparation},
     scene::Triangle,
+    view::Depth,
 };
 use visibility_testing::{Random, judged, told_enough};
 
@@ -304,4 +305,22 @@ fn what_reaches_into_the_image_by_rounding_is_not_hidden() {
         hidden += usize::from(answer == Occlusion::Hidden);
     }
     assert!(inside > 5_000, "{inside}, {hidden} hidden");
+}
+
+/// A matrix with reversed depth that is said to have ordinary depth: all the world is beyond its near plane.
+#[test]
+fn a_box_around_the_eye_is_not_hidden_by_a_near_plane_at_infinity() {
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    let mut rows = view.clip_from(DVec3::ZERO).transpose();
+    rows.z_axis = DVec4::new(0.0, 0.0, 0.0, 0.1);
+    let Ok(view) = View::from_clip_from_world(rows.transpose(), Depth::ZeroToOneInfinite) else {
+        panic!("the matrix has an inverse")
+    };
+    let mut tree = OcclusionTree::new();
+    tree.begin(&view, DVec3::ZERO);
+    let around = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+    assert_eq!(tree.test(&around), Occlusion::Partial, "a box around the eye");
+    let ahead = Aabb::from_arrays([3.0, -0.1, -0.1], [4.0, 0.1, 0.1]);
+    assert_eq!(tree.test(&ahead), Occlusion::Visible, "a box ahead");
 }

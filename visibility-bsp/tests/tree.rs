@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use visibility_bsp::{BspError, BspTree, Fragments, Subtree, TraversalStack, TreeVisitor};
 use visibility_core::{Aabb, glam::DVec3, view::Eye};
 use visibility_testing::Random;
+use visibility_testing::allocations::{LIVE, PEAK};
 
 fn build(polygons: &[Vec<DVec3>]) -> BspTree {
     BspTree::build((0..).zip(polygons.iter().map(|p| &p[..]))).unwrap()
@@ -212,4 +213,51 @@ fn polygons_that_cut_each_other_without_end_are_refused() {
         }
         Err(other) => panic!("{other}"),
     }
+}
+
+#[test]
+fn memory_does_not_grow_with_the_numbers_of_owners() {
+    PEAK.set(LIVE.get());
+    let before = LIVE.get();
+    let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
+    let mut tree = BspTree::build([(u32::MAX, triangle), (3, triangle)]).unwrap();
+    tree.insert(u32::MAX - 1, [triangle]).unwrap();
+    let most = PEAK.get() - before;
+    assert!(most < 100_000, "{most} bytes for three triangles");
+    for owner in [u32::MAX, u32::MAX - 1, 3] {
+        let mut count = 0;
+        tree.for_each_fragment(owner, |fragment| count += usize::from(fragment.owner() == owner));
+        assert_eq!(count, 1, "fragments of owner {owner}");
+        assert!(tree.remove(owner), "owner {owner} was there");
+    }
+    assert!(tree.is_empty(), "all owners are removed");
+}
+
+/// Bundles of strips across a row of planes. Between two planes, an axis-aligned plane divides them, which
+/// cuts one of them: some bundles are refused just there.
+#[test]
+fn polygons_that_are_refused_leave_no_node() {
+    let mut random = Random(9);
+    let square =
+        |x: f64| [(0.0, 0.0), (99.0, 0.0), (99.0, 99.0), (0.0, 99.0)].map(|(y, z)| DVec3::new(x, y, z));
+    let mut tree = BspTree::build((0..700).map(|i| (0, square(f64::from(i))))).unwrap();
+    let nodes = tree.node_count();
+    let mut refused = 0;
+    for number in 0..120 {
+        let strip = |[from, to]: [[f64; 2]; 2], end: f64| {
+            [(-1.0, from), (end, from), (end, to), (-1.0, to)].map(|(x, [y, z])| DVec3::new(x, y, z))
+        };
+        let mut strips = vec![strip([[0.0, 0.0], [91.0, 91.0]], 701.0)];
+        for _ in 0..16 {
+            let from = [random.fine_range(0.0, 90.0), random.fine_range(0.0, 90.0)];
+            let to = [from[0] + random.fine_range(0.1, 1.0), from[1] + random.fine_range(-1.0, 1.0)];
+            strips.push(strip([from, to], random.fine_range(500.0, 701.0)));
+        }
+        match tree.insert(1, &strips) {
+            Ok(_) => assert!(tree.remove(1), "bundle {number} is in the tree"),
+            Err(_) => refused += 1,
+        }
+        assert_eq!(tree.node_count(), nodes, "nodes after bundle {number}");
+    }
+    assert!(refused > 100, "bundles refused: {refused}");
 }

@@ -3,7 +3,6 @@
 use super::group::{Edge, Face, Group};
 use crate::clip_projection::ClipProjection;
 use crate::occluders::Occluders;
-use crate::shadow::mean_of;
 use alloc::vec::Vec;
 use hashbrown::HashMap;
 use visibility_core::glam::{Affine3A, DVec3};
@@ -111,12 +110,11 @@ impl GroupMap {
         for (number, &polygon) in polygons.iter().enumerate() {
             let occluder_polygon = occluders.occluder_polygon(polygon);
             let v = occluder_polygon.vertices;
-            let middle = mean_of(v.iter().copied());
             let first = edges.len();
             for i in 0..v.len() {
                 let ends = [v[i], v[(i + 1) % v.len()]];
                 self.shared.push((key(ends), number, first + i));
-                edges.push(Edge::new(ends, middle, occluder_polygon.placing_error));
+                edges.push(Edge::new(ends, number, occluder_polygon.placing_error));
             }
             faces.push(Face::new(&occluder_polygon));
             groups.push(Group { edges: first..edges.len(), polygons: [number; 2], usable: true });
@@ -177,7 +175,7 @@ impl Groups {
     fn update_eye(&mut self, projection: &ClipProjection) {
         let (eye, error) = (projection.eye, projection.eye_error);
         for edge in &mut self.edges {
-            edge.update_eye(&eye, error);
+            edge.update_eye(&eye, error, self.faces[edge.face].from_front);
         }
         for number in 0..self.groups.len() {
             let group = &self.groups[number];
@@ -246,15 +244,12 @@ impl Groups {
             let failing = edges.iter().find(|edge| !edge.holds(eye, min, max));
             match (failing, point) {
                 (Some(_), None) => {}
-                (Some(edge), Some(point)) => {
-                    let beyond = edge.support(point, min, max).map_or(0.0, |d| (-d).max(0.0));
-                    radius = radius.min(beyond.max(0.0));
-                }
+                (Some(edge), Some(point)) => radius = radius.min(edge.clearance(point, min, max)[1]),
                 (None, None) => return (Occlusion::Hidden, 0.0),
                 (None, Some(point)) => {
                     let mut holds = f64::INFINITY;
                     for edge in edges {
-                        holds = holds.min(edge.support(point, min, max).unwrap_or(0.0).max(0.0));
+                        holds = holds.min(edge.clearance(point, min, max)[0]);
                     }
                     return (Occlusion::Hidden, holds);
                 }

@@ -1,31 +1,38 @@
 //! The unit that boxes are tested against: one polygon, or two that share an edge.
 
-use crate::clip_projection::{ClipProjection, U};
+use crate::clip_projection::{ClipProjection, U, corners_of};
 use crate::shadow::{BackPlane, OccluderPolygon};
 use core::ops::Range;
 use visibility_core::glam::DVec3;
 use visibility_core::view::Eye;
 
+/// Greatest error of the ends of an edge, as a fraction of their distance from the eye, up to which the edge
+/// is used. Sides of two objects that are placed at the same coordinate count as one edge, so that there may
+/// be a crack as wide as the error.
+const MAX_PLACING_ERROR: f64 = 1.0 / (1u64 << 24) as f64;
+
 /// An edge of a polygon and the plane through this edge and the eye of the frame. The inner side of the plane
-/// is the side that its normal points to, on which the polygon lies.
+/// is the side that its normal points to.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge {
     /// Ends of the edge, in metres relative to `Scene::origin`.
     pub(super) ends: [DVec3; 2],
-    /// A point inside the polygon, in metres relative to `Scene::origin`. The plane's normal points to the
-    /// side of this point.
-    pub(super) inner: DVec3,
+    /// Index in `Groups::faces` of the polygon.
+    pub(super) face: usize,
     /// Bound on the error of each coordinate of `ends`, in metres.
     pub(super) placing_error: f64,
-    /// Normal of the plane, not normalized, pointing to the side of `inner`. The plane passes through
+    /// Normal of the plane, not normalized, pointing to the inner side. The plane passes through
     /// [`base`](Self::base).
     normal: DVec3,
+    /// Sign by which a view ray on the inner side passes the edge from its first to its second end: -1 for a
+    /// polygon that is seen from its front, 1 from behind.
+    turn: f64,
     /// Linear term of the bound `slope * s + least` on the absolute error of `normal . q`, for a point `q` in
     /// metres relative to [`base`](Self::base), with no coordinate above `s` in magnitude. Infinite before
     /// the first call of [`update_eye`](Self::update_eye).
     slope: f64,
     /// Constant term of the error bound; see `slope`. Infinite before the first call of
-    /// [`update_eye`](Self::update_eye), and if the eye sees the edge's polygon edge on.
+    /// [`update_eye`](Self::update_eye), and if the edge bounds no shadow.
     least: f64,
 }
 
@@ -104,45 +111,49 @@ impl Face {
 }
 
 impl Edge {
-    /// Creates an edge between two points in metres relative to `Scene::origin`, each coordinate of which may
-    /// be off by `placing_error` metres, with the polygon's inside on the side of `inner`. No box is inside
-    /// its plane until [`update_eye`](Self::update_eye) is called.
-    pub(super) fn new(ends: [DVec3; 2], inner: DVec3, placing_error: f64) -> Self {
+    /// Creates an edge of polygon number `face` between two points in metres relative to `Scene::origin`, in
+    /// boundary order, counter-clockwise as seen from the polygon's front. Each coordinate may be off by
+    /// `placing_error` metres. No box is inside the edge's plane until [`update_eye`](Self::update_eye) is
+    /// called.
+    pub(super) fn new(ends: [DVec3; 2], face: usize, placing_error: f64) -> Self {
         let (slope, least) = (f64::INFINITY, f64::INFINITY);
-        Self { ends, inner, placing_error, normal: DVec3::ZERO, slope, least }
+        Self { ends, face, placing_error, normal: DVec3::ZERO, turn: 0.0, slope, least }
     }
 
-    /// Computes the plane through the eye and the edge, its normal to the side of `inner`. `eye_error` bounds
-    /// the eye's error: in metres for a point, as the length of the difference for a unit direction.
-    pub(super) fn update_eye(&mut self, eye: &Eye, eye_error: f64) {
+    /// Computes the plane through the eye and the edge. A view ray is on its inner side if it passes the edge
+    /// on the side on which the polygon's boundary encircles it, seen from the polygon's front or not as
+    /// `from_front` tells. A ray that is on the inner side of all edges of a closed boundary is encircled by
+    /// it, however the boundary winds. `eye_error` bounds the eye's error: in metres for a point, as the
+    /// length of the difference for a unit direction.
+    ///
+    /// No box is inside the plane if the ends are off by more than 2^-24 of their distance from the eye; for
+    /// parallel views, of the edge's length.
+    pub(super) fn update_eye(&mut self, eye: &Eye, eye_error: f64, from_front: bool) {
         // The plane's value at a point is a determinant of three differences to the eye: six products of
         // three factors. Rounding adds at most `8u` of each product, and an eye that is off by `e` adds at
         // most `e` in place of each factor, as ends do that are off by `e`. The factors of 64 cover both.
-        match eye {
+        self.turn = if from_front { -1.0 } else { 1.0 };
+        let nearest = match eye {
             Eye::Point(eye) => {
                 let eye_error = eye_error + self.placing_error;
                 let (a, b) = (self.ends[0] - *eye, self.ends[1] - *eye);
                 let (size_a, size_b) = (a.abs().max_element(), b.abs().max_element());
-                self.normal = a.cross(b);
+                self.normal = self.turn * a.cross(b);
                 self.slope = 64.0 * (U * size_a * size_b + eye_error * (size_a + size_b));
                 self.least = 64.0 * eye_error * size_a * size_b + f64::MIN_POSITIVE;
+                size_a.min(size_b)
             }
             Eye::Direction(along) => {
                 let side = self.ends[1] - self.ends[0];
                 let size = side.abs().max_element();
-                self.normal = along.cross(side);
+                self.normal = self.turn * along.cross(side);
                 self.slope = 64.0 * ((U + eye_error) * size + self.placing_error);
                 self.least = 64.0 * (U * self.ends[0].abs().max_element() + self.placing_error) * size
                     + f64::MIN_POSITIVE;
+                size
             }
-        }
-        let inner = self.inner - self.base(eye);
-        if self.normal.dot(inner) < 0.0 {
-            self.normal = -self.normal;
-        }
-        // An inner point that is not surely on the inner side means that the polygon is seen edge on. The
-        // plane is then made unusable.
-        if !(self.normal.dot(inner) > self.error(inner.abs().max_element())) {
+        };
+        if self.placing_error > MAX_PLACING_ERROR * nearest {
             self.least = f64::INFINITY;
         }
     }
@@ -174,34 +185,179 @@ impl Edge {
         self.normal.dot(corner) > self.error(size)
     }
 
-    /// Returns the signed distance in metres of the eye from the supporting plane of a box behind the
-    /// polygon. This is the plane through the edge that touches the box and has all of the box on its inner
-    /// side, the side on which the polygon lies. The distance is positive if the eye is on the inner side
-    /// too. Its magnitude is reduced by a bound on the rounding error, to no less than 0. The box is from
-    /// `min` to `max`; box and eye are in metres relative to `Scene::origin`. `None` if the supporting plane
-    /// is not found or the distance is not finite.
-    pub(super) fn support(&self, eye: DVec3, min: DVec3, max: DVec3) -> Option<f64> {
+    /// Returns two distances in metres that the eye may move from `eye`, the point passed to
+    /// [`update_eye`](Self::update_eye). Up to the first, a box that is inside the edge's plane stays inside;
+    /// up to the second, a box that is not does not come inside. Both are reduced by a bound on their
+    /// rounding error, to no less than 0. The box is from `min` to `max`, in metres relative to
+    /// `Scene::origin`.
+    pub(super) fn clearance(&self, eye: DVec3, min: DVec3, max: DVec3) -> [f64; 2] {
+        // A corner is on the edge's plane where the eye is on the plane through the edge and the corner. Of
+        // these planes of a box's points, the outermost are those of corners.
         let [a, b] = self.ends;
-        let side = b - a;
-        let mut at = DVec3::select(self.normal.cmpge(DVec3::ZERO), min, max);
-        // Each turn passes at least one corner, so at most seven turns are needed.
-        for _ in 0..8 {
-            let normal = side.cross(at - a);
-            let normal = if normal.dot(self.inner - a) < 0.0 { -normal } else { normal };
-            let next = DVec3::select(normal.cmpge(DVec3::ZERO), min, max);
-            if next == at || normal.dot(next - a) >= normal.dot(at - a) {
-                // The normal is off by a few roundings of its factors, which the eye's distance from the edge
-                // multiplies. A corner that rounding mistakes for another is within the same bound.
-                let length = normal.length();
-                let distance = normal.dot(eye - a) / length;
-                let (along, across) = (side.length(), (at - a).length());
-                let error = U * along * across + self.placing_error * (along + across);
-                let error = 64.0 * error / length * (eye - a).length() + 2.0 * self.placing_error;
-                let sure = (distance.abs() - error).max(0.0);
-                return sure.is_finite().then_some(if distance < 0.0 { -sure } else { sure });
-            }
-            at = next;
+        let (side, to_eye) = (b - a, eye - a);
+        let (mut inside, mut outside) = (f64::INFINITY, 0.0f64);
+        for corner in corners_of([min, max]) {
+            // The normal is off by a few roundings of its factors, which the eye's distance from the edge
+            // multiplies.
+            let normal = side.cross(corner - a);
+            let length = normal.length();
+            let distance = -self.turn * normal.dot(to_eye) / length;
+            let (along, across) = (side.length(), (corner - a).length());
+            let error = U * along * across + self.placing_error * (along + across);
+            let error = 64.0 * error / length * to_eye.length() + 2.0 * self.placing_error;
+            // Not a number, if the corner is in line with the edge.
+            let sure =
+                |distance: f64| Some(distance - error).filter(|d| d.is_finite()).unwrap_or(0.0).max(0.0);
+            (inside, outside) = (inside.min(sure(distance)), outside.max(sure(-distance)));
         }
-        None
+        [inside, outside]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The edge that bounds the shadow on the side of +y, seen from the origin.
+    fn edge(placing_error: f64) -> Edge {
+        Edge::new([DVec3::new(1.0, 1.0, 1.0), DVec3::new(1.0, 1.0, -4.0)], 0, placing_error)
+    }
+
+    #[test]
+    fn an_edge_whose_ends_are_placed_worse_than_a_direction_may_be_bounds_no_shadow() {
+        let (min, max) = (DVec3::new(3.0, -1.0, -1.0), DVec3::new(4.0, 1.0, 1.0));
+        // The nearer end is 1 m away, and the edge 5 m long.
+        for (eye, limit) in [(Eye::Point(DVec3::ZERO), 6e-8), (Eye::Direction(DVec3::X), 3e-7)] {
+            for (error, holds) in [(0.0, true), (0.98 * limit, true), (1.02 * limit, false), (1e-3, false)] {
+                let mut edge = edge(error);
+                edge.update_eye(&eye, 0.0, true);
+                let (low, high) = (min, max.min(DVec3::new(4.0, 0.5, 1.0)));
+                assert_eq!(edge.holds(&eye, low, high), holds, "error of {error} m, {eye:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_edge_that_runs_the_wrong_way_bounds_no_shadow() {
+        let (min, max) = (DVec3::new(3.0, -1.0, -1.0), DVec3::new(4.0, 0.5, 1.0));
+        for eye in [Eye::Point(DVec3::ZERO), Eye::Direction(DVec3::X)] {
+            for from_front in [true, false] {
+                let mut edge = edge(0.0);
+                edge.update_eye(&eye, 0.0, from_front);
+                assert_eq!(
+                    edge.holds(&eye, min, max),
+                    from_front,
+                    "seen from the front: {from_front}, {eye:?}"
+                );
+            }
+        }
+    }
+
+    /// Returns six times the signed volume of a tetrahedron with whole coordinates.
+    fn volume([a, b, c, d]: [[i64; 3]; 4]) -> i128 {
+        let [b, c, d] = [b, c, d].map(|p| [0, 1, 2].map(|i| i128::from(p[i] - a[i])));
+        b[0] * (c[1] * d[2] - c[2] * d[1])
+            + b[1] * (c[2] * d[0] - c[0] * d[2])
+            + b[2] * (c[0] * d[1] - c[1] * d[0])
+    }
+
+    /// Edges, eyes and points with whole coordinates, whose volumes exceed the precision of a double. Many
+    /// points are in the plane of the eye and the edge, or beside it by as little as there is.
+    #[test]
+    fn points_are_inside_an_edge_only_if_they_exactly_are_wherever_its_ends_are_placed() {
+        let mut random = visibility_testing::Random(43);
+        let mut whole = |bits: u32| (random.bits() >> (63 - bits)) as i64 - (1 << bits);
+        let (mut held, mut kept, mut left) = (0, 0, 0);
+        for round in 0..60_000 {
+            // All coordinates are multiples of 2^-8.
+            let point = |whole: &mut dyn FnMut(u32) -> i64, bits| [(); 3].map(|()| whole(bits) << 8);
+            let plus = |p: [i64; 3], k: i64, q: [i64; 3]| [0, 1, 2].map(|i| p[i] + k * q[i]);
+            let eye = point(&mut whole, 12);
+            let (u, v) = (point(&mut whole, 18), point(&mut whole, 18));
+            let ends = [plus(eye, 1, u), plus(eye, 1, v)];
+            let from_front = whole(1) > 0;
+            // A view ray inside an edge of a polygon that is seen from its front passes it on its left.
+            let turn = if from_front { -1 } else { 1 };
+            let is_inside = |eye, [a, b]: [_; 2], q| i128::from(turn) * volume([eye, a, b, q]) > 0;
+            let little = point(&mut whole, [0, 3, 8, 17][round % 4]);
+            let q = plus(plus(plus(eye, whole(3), u), whole(3), v), i64::from(round % 3 != 0), little);
+            let [placed, known] = [round / 12 % 2, round / 24 % 2].map(|x| x as i64);
+            let metres = |p: [i64; 3]| DVec3::from_array(p.map(|x| x as f64 / 256.0));
+            let mut edge = Edge::new(ends.map(metres), 0, placed as f64 / 256.0);
+            let from = Eye::Point(metres(eye));
+            edge.update_eye(&from, known as f64 / 256.0, from_front);
+            // A box that reaches to beside the eye, or a point.
+            let near = plus(eye, 1, [256; 3].map(|x| x * whole(2)));
+            let other = if round % 5 == 0 { near } else { q };
+            let (min, max) = (metres(q).min(metres(other)), metres(q).max(metres(other)));
+            let is_held = edge.holds(&from, min, max);
+            let [inside, outside] = edge.clearance(metres(eye), metres(q), metres(q));
+            for _ in 0..4 {
+                let mut off = |most: i64| [(); 3].map(|()| most * whole(1).signum());
+                let moved = ends.map(|end| plus(end, 1, off(placed)));
+                let seen_from = plus(eye, 1, off(known));
+                for corner in 0..if is_held { 8 } else { 0 } {
+                    let corner = [0, 1, 2].map(|i| if corner >> i & 1 == 0 { q[i] } else { other[i] });
+                    assert!(
+                        is_inside(seen_from, moved, corner),
+                        "round {round}: {corner:?} is outside of {edge:?}"
+                    );
+                }
+                held += usize::from(is_held);
+                // Eyes almost as far away as the answer lasts.
+                let way = DVec3::from_array([(); 3].map(|()| whole(20) as f64)).normalize();
+                let distance = if is_inside(eye, ends, q) { inside } else { outside };
+                let way = (way * distance * 256.0).to_array().map(|x| x.trunc() as i64);
+                let there = plus(eye, 1, way);
+                if distance > 1.0 && distance < 1e6 {
+                    let now = is_inside(there, moved, q);
+                    let was = is_inside(eye, ends, q);
+                    assert_eq!(
+                        now, was,
+                        "round {round}: {q:?} from {there:?}, {distance} m from {eye:?}: {edge:?}"
+                    );
+                    if was { kept += 1 } else { left += 1 }
+                }
+            }
+        }
+        assert!(
+            held > 20_000 && kept > 5_000 && left > 5_000,
+            "{held} held, {kept} kept inside, {left} outside"
+        );
+    }
+
+    /// As above, along a direction of whole numbers: the plane is parallel to it.
+    #[test]
+    fn points_are_inside_an_edge_of_a_parallel_view_only_if_they_exactly_are() {
+        let mut random = visibility_testing::Random(44);
+        let mut whole = |bits: u32| (random.bits() >> (63 - bits)) as i64 - (1 << bits);
+        let mut held = 0;
+        for round in 0..40_000 {
+            let plus = |p: [i64; 3], k: i64, q: [i64; 3]| [0, 1, 2].map(|i| p[i] + k * q[i]);
+            let [along, side, first, little] = [20, 24, [4, 28][round % 2], [0, 3, 9, 20][round / 2 % 4]]
+                .map(|bits| [(); 3].map(|()| whole(bits)));
+            let q = plus(plus(plus(first, whole(3), along), whole(3), side), 1, little);
+            let [placed, known] = [round / 8 % 2, round / 16 % 2].map(|x| x as i64);
+            let metres = |p: [i64; 3]| DVec3::from_array(p.map(|x| x as f64));
+            let ends = [first, plus(first, 1, side)];
+            let mut edge = Edge::new(ends.map(metres), 0, placed as f64 * 0.5);
+            // The direction is of about unit length.
+            let unit = 2f64.powi(-20);
+            let from = Eye::Direction(metres(along) * unit);
+            edge.update_eye(&from, known as f64 * unit, true);
+            if !edge.holds(&from, metres(q), metres(q)) {
+                continue;
+            }
+            held += 1;
+            let mut off = |most: i64| [(); 3].map(|()| most * whole(1).signum());
+            for _ in 0..8 {
+                // In halves.
+                let [a, b] = ends.map(|end| plus(off(placed), 2, end));
+                let along = plus(along, 1, off(known));
+                let inside = -volume([a, plus(a, 1, along), b, [0, 1, 2].map(|i| 2 * q[i])]);
+                assert!(inside > 0, "round {round}: {q:?} is outside of {edge:?}");
+            }
+        }
+        assert!(held > 3_000, "points inside an edge: {held}");
     }
 }

@@ -3,6 +3,7 @@
 use super::blocks::{BLOCK, bounds_of, halve};
 use super::mesh_triangles::{is_closed, triangles_of};
 use super::outline::Outline;
+use super::work::step;
 use super::{patches, rectangles, sections};
 use crate::shadow::{OccluderPolygon, mean_of, plane_of};
 use alloc::collections::BTreeMap;
@@ -80,14 +81,16 @@ pub(super) struct Block {
 /// [`sync`](Self::sync). After `sync` it hides from its new position.
 ///
 /// Rounding by the transforms of meshes is allowed for, except between vertices that are placed at the same
-/// point to the last bit: they count as one, so that the surfaces of two objects meet there.
+/// point to the last bit, and between axis-aligned sides that are placed at the same coordinate: they count
+/// as one, so that the surfaces of two objects meet there.
 ///
 /// # Cost
-/// About 200 bytes per polygon. Making polygons of `n` triangles takes `O(n log n)` steps, some microseconds
-/// per triangle, however the triangles lie. To keep this bound, joining stops at limits, and polygons may be
-/// smaller than they could be. Connected rectangles of one plane are joined only if their sides make a grid
-/// of at most 16,384 cells, and into at most 64 rectangles. At most 256 boxes are cut together by a common
-/// plane.
+/// About 200 bytes per polygon, and about 16 for each object of each polygon: of a floor of 10,000 tiles that
+/// are joined into one rectangle, the rectangle has 10,000 objects. Making polygons of `n` triangles takes
+/// `O(n log n)` steps, some microseconds per triangle, however the triangles lie. To keep this bound, joining
+/// stops at limits, and polygons may be smaller than they could be. Connected rectangles of one plane are
+/// joined only if their sides make a grid of at most 16,384 cells, and into at most 64 rectangles. At most
+/// 256 boxes are cut together by a common plane.
 ///
 /// ```
 /// use visibility_bsp::Occluders;
@@ -123,7 +126,7 @@ pub struct Occluders {
     /// Minimum and maximum corners of the boxes around convex two-sided solids, in metres relative to
     /// `Scene::origin`.
     pub(super) shells: Vec<[DVec3; 2]>,
-    /// By object index: indices of the polygons made from the object, dropped ones included.
+    /// By object index: indices of the polygons made from the object, dropped ones left out.
     pub(super) of_object: BTreeMap<u32, Vec<u32>>,
     /// The scene, and the revision of the scene, that the polygons represent.
     pub(super) cursor: SceneCursor,
@@ -164,34 +167,45 @@ impl Occluders {
     /// another scene than before, or once most polygons are dropped ones, everything is made anew as by
     /// `new`.
     pub fn sync(&mut self, scene: &Scene) {
-        let Changes::Objects(changed) = self.cursor.follow(scene) else {
+        let Changes::Objects(changes) = self.cursor.follow(scene) else {
             *self = Self::new(scene);
             return;
         };
+        // The scene lists an object once for each of its changes.
+        let mut changed = changes.to_vec();
+        changed.sort_unstable();
+        changed.dedup();
         if changed.is_empty() {
             return;
         }
         self.stamp = Stamp::new();
         // An object that shared a polygon with a changed object loses that polygon too, so its own part is
         // made again.
-        let mut affected: Vec<ObjectId> = changed.to_vec();
-        for id in changed {
+        let mut affected = changed.clone();
+        for id in &changed {
             for &polygon in self.of_object.get(&(id.index() as u32)).into_iter().flatten() {
                 let polygon = &mut self.polygons[polygon as usize];
+                // Another of the changed objects has shared the polygon.
+                if polygon.count == 0 {
+                    continue;
+                }
                 let first = polygon.first_source as usize;
-                affected.extend(&self.sources[first..first + polygon.sources as usize]);
+                let sources = &self.sources[first..first + polygon.sources as usize];
+                affected.extend(sources.iter().inspect(|_| step()));
                 polygon.count = 0;
             }
         }
         affected.sort_unstable();
         affected.dedup();
         for id in &affected {
-            for &number in self.of_object.get(&(id.index() as u32)).into_iter().flatten() {
+            let Some(of_object) = self.of_object.get_mut(&(id.index() as u32)) else { continue };
+            of_object.retain(|&number| {
                 let polygon = &mut self.polygons[number as usize];
                 if polygon.sources == 1 {
                     polygon.count = 0;
                 }
-            }
+                polygon.count > 0
+            });
         }
         let dropped = self.polygons.iter().filter(|polygon| polygon.count == 0).count();
         if dropped > 64 && dropped * 2 > self.polygons.len() {

@@ -65,4 +65,41 @@ mod tests {
             assert!(steps[2] < 4000.0 * 3000.0, "{what}: {steps:?}");
         }
     }
+
+    /// A floor of tiles is one rectangle, which has all of them as its objects.
+    #[test]
+    fn a_tile_of_a_floor_is_taken_in_once_however_often_it_changed() {
+        let tile = |i: usize| {
+            let at = Vec3::new((i % 30) as f32, (i / 30) as f32, 0.0);
+            Aabb::new(at, at + Vec3::new(1.0, 1.0, 0.5))
+        };
+        let mut scene = scene((0..900).map(tile));
+        let mut occluders = Occluders::new(&scene);
+        let ids: Vec<_> = scene.ids().collect();
+        let mut change = |ids: &[visibility_core::ObjectId], times| {
+            for number in 0..times * ids.len() {
+                let id = ids[number % ids.len()];
+                scene.set_layers(id, 1 + number as u32 / ids.len() as u32).unwrap();
+            }
+            let steps = steps_of(|| occluders.sync(&scene));
+            std::println!("{times} changes of {} tiles: {steps} steps", ids.len());
+            steps
+        };
+        // The floor falls into its tiles.
+        let first = change(&ids[..1], 500);
+        assert!(first < 200 * 900, "{first} steps for 500 changes of a tile");
+        // Each tile is on its own.
+        for round in 0..8 {
+            let again = change(&ids[..1], 500);
+            assert!(again < 400, "round {round}: {again} steps for 500 more changes of a tile");
+        }
+        let mut occluders = Occluders::new(&scene);
+        scene.set_layers(ids[0], 77).unwrap();
+        let one = steps_of(|| occluders.sync(&scene));
+        let mut occluders = Occluders::new(&scene);
+        ids[..300].iter().for_each(|&id| scene.set_layers(id, 78).unwrap());
+        let many = steps_of(|| occluders.sync(&scene));
+        let anew = steps_of(|| drop(Occluders::new(&scene)));
+        assert!(many < 2 * anew, "{many} steps for 300 changed tiles, {one} for one, {anew} for all anew");
+    }
 }

@@ -147,7 +147,12 @@ impl Nodes {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (heights, margin) = face_heights(projection, min, max);
         let faces = (0..6).filter(|&face| heights[face] > 0.0).fold(0, |mask, face| mask | 1 << face);
-        let certain = faces != 0 && heights.iter().all(|height| height.abs() > margin);
+        // No face may be turned to the eye: the eye is in the box. The near plane does not tell so, if it is
+        // not in front of the eye, as of a matrix that was made for another convention of depth.
+        if heights.iter().all(|&height| height < -margin) {
+            return Occlusion::Partial;
+        }
+        let certain = heights.iter().all(|height| height.abs() > margin);
         let faces = if certain { faces } else { 0 };
         let mut test = BoxTest { nodes: self, projection, min, max, faces, hidden: false, visible: false };
         let decided = if certain {

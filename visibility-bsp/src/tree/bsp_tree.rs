@@ -20,6 +20,11 @@ use visibility_core::{Aabb, glam::DVec3};
 /// and polygons in one plane share a node. A cut point depends only on the plane and the two ends of the cut
 /// edge, so two polygons that share an edge are cut in bit-identical points.
 ///
+/// The margin is up to 2e-14 of the greatest coordinate that the tree has held since it was built or empty,
+/// times two if that came by `insert`. Polygons nearer to each other than that may come in the wrong order,
+/// and share a plane. Removing a polygon that is far from all others does not lessen the margin: build the
+/// tree anew, as [`SceneTree`](crate::SceneTree) does.
+///
 /// # Cost
 /// Building takes some microseconds per polygon. The time is quadratic for polygons that no plane separates
 /// without cutting half of them, such as nested shells. Memory is about 64 bytes per node, 36 per fragment
@@ -134,6 +139,12 @@ impl BspTree {
             }
         }
         deepest
+    }
+
+    /// Returns the upper bound on the absolute value of coordinates, by axis, for which the margins of all
+    /// planes are made.
+    pub(crate) fn magnitude(&self) -> DVec3 {
+        self.magnitude
     }
 
     /// Returns a box around all fragments in the tree's coordinates, rounded outwards to `f32`;

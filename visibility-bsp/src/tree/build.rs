@@ -50,7 +50,7 @@ impl BspTree {
         let mut builder = core::mem::take(&mut self.builder);
         builder.sources.clear();
         builder.pieces.clear();
-        let mut magnitude = self.magnitude;
+        let mut magnitude = if self.is_empty() { DVec3::ZERO } else { self.magnitude };
         for (number, (owner, polygon)) in (0..).zip(polygons) {
             let vertices = polygon.as_ref();
             let Some(plane) = Plane::from_polygon(vertices) else { continue };
@@ -72,13 +72,22 @@ impl BspTree {
 
     /// Raises the bound on the magnitude of coordinates to at least `magnitude`, given for each axis, and
     /// widens the margins of all planes accordingly. Does nothing if the bound is at least `magnitude` on all
-    /// axes already. Otherwise, in a tree with polygons, the bound at least doubles on every axis, so that
-    /// planes are seldom computed anew.
+    /// axes already. Otherwise, in a tree with polygons, the bound at least doubles on each axis on which it
+    /// grows, so that planes are seldom computed anew.
     fn raise_magnitude(&mut self, magnitude: DVec3) {
-        if magnitude.cmple(self.magnitude).all() {
-            return;
+        let grows = magnitude.cmpgt(self.magnitude);
+        if self.is_empty() {
+            self.set_magnitude(magnitude);
+        } else if grows.any() {
+            let doubled = magnitude.max(self.magnitude * 2.0);
+            self.set_magnitude(DVec3::select(grows, doubled, self.magnitude));
         }
-        self.magnitude = if self.is_empty() { magnitude } else { magnitude.max(self.magnitude * 2.0) };
+    }
+
+    /// Sets the bound on the magnitude of coordinates, by axis, and the margins of all planes accordingly.
+    /// All polygons in the tree must be within it.
+    pub(super) fn set_magnitude(&mut self, magnitude: DVec3) {
+        self.magnitude = magnitude;
         for node in &mut self.nodes {
             node.plane = SidePlane::new(node.plane.plane, self.magnitude);
         }
@@ -110,6 +119,8 @@ impl BspTree {
                 for piece in builder.pieces.drain(..) {
                     self.store.free_range(piece.start, piece.len);
                 }
+                // A new axis-aligned plane has no fragment whose removal would close its node.
+                self.close(node);
                 return Err(BspError::TooManyFragments { polygons: builder.sources.len(), limit });
             }
         }

@@ -3,6 +3,7 @@
 
 use super::node::NONE;
 use alloc::vec::Vec;
+use hashbrown::HashMap;
 use visibility_core::glam::DVec3;
 
 /// Stored data of one fragment: its polygon, its vertices, its node, and its links in two lists.
@@ -43,8 +44,9 @@ pub(super) struct Store {
     vertices: Vec<DVec3>,
     /// By size class: start indices of free ranges of `vertices`. Empty until the first range is freed.
     free_ranges: Vec<Vec<u32>>,
-    /// By owner: index of the owner's first fragment, `NONE` if it has none.
-    owners: Vec<u32>,
+    /// By owner: index of the owner's first fragment, `NONE` if it has none any more. Entries are kept, so
+    /// that an owner that comes back allocates nothing.
+    owners: HashMap<u32, u32>,
 }
 
 /// Returns the capacity, in vertices, of the range that stores `len` vertices, and its size class.
@@ -104,11 +106,8 @@ impl Store {
     /// Stores a fragment and puts it at the head of its owner's list and of a node's list, whose head so far
     /// is `head` (`NONE` if empty). Returns the fragment's index, the new head of both lists.
     pub(super) fn add(&mut self, record: Record, head: u32) -> u32 {
-        let owner = record.owner as usize;
-        if self.owners.len() <= owner {
-            self.owners.resize(owner + 1, NONE);
-        }
-        let record = Record { next: head, previous: NONE, next_of_owner: self.owners[owner], ..record };
+        let first = self.owners.entry(record.owner).or_insert(NONE);
+        let record = Record { next: head, previous: NONE, next_of_owner: *first, ..record };
         let id = match self.free.pop() {
             Some(id) => {
                 self.records[id as usize] = record;
@@ -119,7 +118,7 @@ impl Store {
                 self.records.len() as u32 - 1
             }
         };
-        self.owners[owner] = id;
+        *first = id;
         if head != NONE {
             self.records[head as usize].previous = id;
         }
@@ -128,13 +127,13 @@ impl Store {
 
     /// Returns the index of an owner's first fragment, `NONE` if the owner has none.
     pub(super) fn first_of(&self, owner: u32) -> u32 {
-        self.owners.get(owner as usize).copied().unwrap_or(NONE)
+        self.owners.get(&owner).copied().unwrap_or(NONE)
     }
 
     /// Empties an owner's list of fragments and returns the index of the first fragment in it, `NONE` if the
     /// list was empty. The caller must free the list's fragments one by one.
     pub(super) fn take_owner(&mut self, owner: u32) -> u32 {
-        self.owners.get_mut(owner as usize).map_or(NONE, |first| core::mem::replace(first, NONE))
+        self.owners.get_mut(&owner).map_or(NONE, |first| core::mem::replace(first, NONE))
     }
 
     /// Frees the fragment with index `id` and unlinks it from its node's list. Returns its record. If the
@@ -156,7 +155,7 @@ impl Store {
     /// memory sequentially. `lists` yields the head of each node's list, which is updated.
     pub(super) fn pack<'a>(&mut self, lists: impl Iterator<Item = &'a mut u32>) {
         let old = core::mem::take(self);
-        self.owners.resize(old.owners.len(), NONE);
+        self.owners.reserve(old.owners.len());
         self.records.reserve_exact(old.len());
         for head in lists {
             let mut id = core::mem::replace(head, NONE);

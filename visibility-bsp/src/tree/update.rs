@@ -22,9 +22,11 @@ impl BspTree {
         owner: u32,
         polygons: impl IntoIterator<Item = P>,
     ) -> Result<usize, BspError> {
+        let magnitude = self.magnitude;
         let result = self.sort_in(polygons.into_iter().map(|polygon| (owner, polygon)));
         if result.is_err() {
             self.remove(owner);
+            self.set_magnitude(magnitude);
         }
         result
     }
@@ -54,7 +56,7 @@ impl BspTree {
 
     /// Removes a node from the tree if no polygon is in its plane and one of its sides is a leaf, and repeats
     /// with its ancestors. Tightens the bounds of the first ancestor that stays, and of those above.
-    fn close(&mut self, mut id: u32) {
+    pub(super) fn close(&mut self, mut id: u32) {
         loop {
             let node = &self.nodes[id as usize];
             let [back, front] = node.children;
