@@ -11,8 +11,9 @@ use visibility_core::{
 /// fragment is its object's index.
 ///
 /// The tree is built once and shared by the cullers of all views. After changes of the scene,
-/// [`sync`](Self::sync) updates the tree in time proportional to the changed objects. Until then, a changed
-/// object counts as visible and hides nothing.
+/// [`sync`](Self::sync) updates the tree in time proportional to the changed objects, or builds the tree anew
+/// once an object far outside of all others has gone. Until then, a changed object counts as visible and
+/// hides nothing.
 ///
 /// ```
 /// use visibility_bsp::SceneTree;
@@ -60,7 +61,7 @@ impl SceneTree {
 
     /// Updates the tree to the scene's present revision by removing and inserting the triangles of changed
     /// objects. The tree is built anew as by [`new`](Self::new) for another scene than before, and after an
-    /// object has gone that was some 16 times as far from `Scene::origin` as all that remain, since
+    /// object has gone that was some 1,000 times as far from `Scene::origin` as all that remain, since
     /// planes keep the margins that it needed.
     ///
     /// # Errors
@@ -109,10 +110,9 @@ impl SceneTree {
         Ok(())
     }
 
-    /// Tests whether the margins of planes are for coordinates more than 16 times as great as any in the tree
-    /// or of the changed objects that are to be inserted. False for a tree without polygons.
+    /// Tests whether the margins of planes are for coordinates 1,000 times as great as any in the tree or of the changed objects that are to be inserted. False for a tree without polygons.
     fn has_lost_extent(&self, scene: &Scene) -> bool {
-        let enough = self.tree.magnitude().max_element() / 16.0;
+        let enough = self.tree.magnitude().max_element() / 1000.0;
         let bounds = self.tree.bounds();
         if self.tree.is_empty() || f64::from(bounds.min.abs().max(bounds.max.abs()).max_element()) >= enough {
             return false;

@@ -243,8 +243,10 @@ impl Groups {
             let edges = &self.edges[group.edges.clone()];
             let failing = edges.iter().find(|edge| !edge.holds(eye, min, max));
             match (failing, point) {
-                (Some(_), None) => {}
-                (Some(edge), Some(point)) => radius = radius.min(edge.clearance(point, min, max)[1]),
+                (Some(edge), Some(point)) if radius > 0.0 => {
+                    radius = radius.min(edge.clearance(point, min, max)[1])
+                }
+                (Some(_), _) => {}
                 (None, None) => return (Occlusion::Hidden, 0.0),
                 (None, Some(point)) => {
                     let mut holds = f64::INFINITY;

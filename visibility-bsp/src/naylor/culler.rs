@@ -150,7 +150,7 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
         let Self { shared, stale, stack, scratch } = self;
         let shared = (*shared).borrow();
         scratch.witnesses.clear();
-        let Some(projection) = ScreenProjection::new(view, scene, shared.tree().magnitude()) else {
+        let Some(projection) = ScreenProjection::new(view, scene, &shared.tree().bounds()) else {
             return visible.retain(scene, |_, _| true);
         };
         stale.begin(shared, scene);

@@ -52,16 +52,22 @@ const MAX_NDC_ERROR: f64 = 1e-8;
 const CLIP_WIDTH: f64 = 4.0;
 
 impl ScreenProjection {
-    /// Builds the projection for points whose coordinates, in metres relative to `Scene::origin`, have
-    /// absolute values of at most `magnitude`. `None` if NDC positions are not known to within
-    /// [`MAX_NDC_ERROR`], because the coordinates are too large or the near plane too close.
-    pub(super) fn new(view: &View, scene: &Scene, magnitude: DVec3) -> Option<Self> {
+    /// Builds the projection for points within `bounds`, in metres relative to `Scene::origin`. `None` if NDC
+    /// positions are not known to within [`MAX_NDC_ERROR`], because the coordinates are too large or the near
+    /// plane too close, or if `bounds` is infinite.
+    pub(super) fn new(view: &View, scene: &Scene, bounds: &Aabb) -> Option<Self> {
         // With `u = 2^-53`: clip-space `x`, `y` and `w` are sums of four products, each sum rounded by at
         // most `5 u` times the sum `m` of the products' magnitudes. The matrix is rounded once, and a vertex
         // made by a cut by another `6 u` of its magnitude. The total is `12 u m`. So `x / w` has an absolute
         // error of at most `12 u m (1 + |x / w|) / w`.
         let origin = scene.origin();
         let clip = view.clip_from(origin);
+        let magnitude = bounds.min.abs().max(bounds.max.abs()).as_dvec3();
+        // Bounds rounded outwards are infinite for the largest numbers, and later checks would not detect
+        // that.
+        if !magnitude.is_finite() {
+            return None;
+        }
         let [x, y, w] = [clip.row(0), clip.row(1), clip.row(3)];
         let size = |row: DVec4| row.truncate().abs().dot(magnitude) + row.w.abs();
         let error = 6.0 * f64::EPSILON * size(x).max(size(y)).max(size(w));

@@ -44,8 +44,7 @@ pub(super) struct Store {
     vertices: Vec<DVec3>,
     /// By size class: start indices of free ranges of `vertices`. Empty until the first range is freed.
     free_ranges: Vec<Vec<u32>>,
-    /// By owner: index of the owner's first fragment, `NONE` if it has none any more. Entries are kept, so
-    /// that an owner that comes back allocates nothing.
+    /// By owner: index of the owner's first fragment, `NONE` while the owner is being inserted.
     owners: HashMap<u32, u32>,
 }
 
@@ -133,7 +132,7 @@ impl Store {
     /// Empties an owner's list of fragments and returns the index of the first fragment in it, `NONE` if the
     /// list was empty. The caller must free the list's fragments one by one.
     pub(super) fn take_owner(&mut self, owner: u32) -> u32 {
-        self.owners.get_mut(&owner).map_or(NONE, |first| core::mem::replace(first, NONE))
+        self.owners.remove(&owner).unwrap_or(NONE)
     }
 
     /// Frees the fragment with index `id` and unlinks it from its node's list. Returns its record. If the

@@ -26,7 +26,9 @@ impl BspTree {
         let result = self.sort_in(polygons.into_iter().map(|polygon| (owner, polygon)));
         if result.is_err() {
             self.remove(owner);
-            self.set_magnitude(magnitude);
+            if self.magnitude != magnitude {
+                self.set_magnitude(magnitude);
+            }
         }
         result
     }
