@@ -106,8 +106,9 @@ impl CellFrustum {
                         bounded.distance(eye)
                             >= -plane.error - 1e-15 * (4.0 * eye.abs().max_element() + bounded.offset.abs())
                     }
-                    // An eye at infinity lies outside of every plane whose inner side view rays enter.
-                    Eye::Direction(along) => bounded.normal.dot(along) <= 1e-12,
+                    // An eye at infinity lies outside of every plane whose inner side view rays enter. The
+                    // cosine is rounded by a few times 2^-53, beside the error of the direction.
+                    Eye::Direction(along) => bounded.normal.dot(along) <= 1e-15 + eye_error,
                 };
                 if eye_is_inside == with_eye_inside {
                     frustum.planes[frustum.count] = bounded;
@@ -272,6 +273,23 @@ mod tests {
                 CellFrustum::new(&view.unwrap(), DVec3::ZERO, &Aabb::from_arrays([-1.0; 3], [1.0; 3]));
             assert_eq!((frustum.side_count, frustum.count), (5, 6), "round {round}, {pose:?}");
         }
+    }
+
+    /// Parallel rays that enter a clip plane at a very small angle pass through a box outside of the plane
+    /// before they are in view.
+    #[test]
+    fn boxes_before_a_plane_that_rays_enter_are_crossed() {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::orthographic(pose, Window::centered(10.0, 10.0), -1000.0, 1000.0).unwrap();
+        let bounds = Aabb::from_arrays([-1000.0; 3], [1000.0; 3]);
+        // The ray along the upper edge of the box enters the view where x is 920.
+        let clipped = view.with_clip_planes(&[Plane::new(DVec3::new(5e-13, 1.0, 0.0), 0.0)]).unwrap();
+        let frustum = CellFrustum::new(&clipped, DVec3::ZERO, &bounds);
+        let crossed = Aabb::from_arrays([-1000.0, -1.0, -1.0], [-900.0, -4.6e-10, 1.0]);
+        assert_ne!(frustum.classify(&crossed), CellPlace::Outside, "a box that rays pass through");
+        let along = view.with_clip_planes(&[Plane::new(DVec3::Y, 0.0)]).unwrap();
+        let frustum = CellFrustum::new(&along, DVec3::ZERO, &bounds);
+        assert_eq!(frustum.classify(&crossed), CellPlace::Outside, "a box of which no ray comes into view");
     }
 
     /// Boxes and triangles with one corner in a plane, or nearer to the plane than the error bound, are
