@@ -2,12 +2,14 @@
 
 use crate::clusters::{Item, divide};
 use crate::faces::{Faces, LevelTriangle, open_sides};
+use crate::file::LevelFileError;
 use crate::outlines::{OutlineEdge, outline, straighten};
 use crate::pieces::divide_regions;
 use crate::regions::{Region, Regions};
 use crate::t_junctions::insert_t_junctions;
 use alloc::vec::Vec;
 use core::fmt;
+use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::level_version::{level_object, level_version};
 use visibility_core::{Aabb, Object, ObjectId, Scene};
@@ -188,6 +190,9 @@ pub struct LevelOccluders {
     pub(crate) report: LevelReport,
     /// Version of the level that the occluders were made from. `None` if it is unknown.
     pub(crate) version: Option<u64>,
+    /// [Hash](hash_of) of the indices of the objects whose triangles are in the level. 0 if it was made from
+    /// triangles alone.
+    pub(crate) made_of: u64,
 }
 
 impl LevelOccluders {
@@ -270,14 +275,28 @@ impl LevelOccluders {
                 layers.push(object.layers);
             }
         }
-        Ok(Self { objects, layers, ..Self::new(&triangles, settings)?.with_version(level_version(scene)) })
+        let made = Self::new(&triangles, settings)?.with_version(level_version(scene));
+        Ok(Self { made_of: hash_of(&objects), objects, layers, ..made })
     }
 
     /// Sets the [objects](Self::objects) whose triangles are in the level, for occluders read from a file:
-    /// those that [`of_scene`](Self::of_scene) would take.
-    #[must_use]
-    pub fn with_objects_of(self, scene: &Scene, stands_still: impl FnMut(ObjectId) -> bool) -> Self {
-        Self { objects: objects_of(scene, stands_still).map(|(id, _)| id).collect(), ..self }
+    /// those that [`of_scene`](Self::of_scene) would take. The version of a level does not depend on which
+    /// objects stand still, so their indices are compared with those of the objects that the occluders were
+    /// made of. Occluders made of triangles alone get the objects unchecked.
+    ///
+    /// # Errors
+    /// [`LevelFileError::OtherObjects`] if the occluders were made of other objects: a door among them would
+    /// hide what is behind it once it is open.
+    pub fn with_objects_of(
+        self,
+        scene: &Scene,
+        stands_still: impl FnMut(ObjectId) -> bool,
+    ) -> Result<Self, LevelFileError> {
+        let objects: Vec<ObjectId> = objects_of(scene, stands_still).map(|(id, _)| id).collect();
+        if self.made_of != 0 && self.made_of != hash_of(&objects) {
+            return Err(LevelFileError::OtherObjects);
+        }
+        Ok(Self { objects, ..self })
     }
 
     /// Appends a cluster of regions, each given with its outline. `magnitude` bounds the magnitudes of the x,
@@ -373,6 +392,12 @@ impl LevelOccluders {
     pub fn report(&self) -> &LevelReport {
         &self.report
     }
+}
+
+/// Returns a hash of the indices of a level's objects. Never 0, which stands for unknown objects.
+fn hash_of(objects: &[ObjectId]) -> u64 {
+    let with = |hash: Fingerprint, id: &ObjectId| hash.with(id.index() as u32);
+    objects.iter().fold(Fingerprint::new(), with).value().max(1)
 }
 
 /// Iterates over the objects of a scene whose triangles are in its level.
