@@ -24,7 +24,7 @@ use visibility_core::glam::DVec3;
 const LEVELS: u32 = 100;
 
 // The check refuses proofs whose nodes are deeper. An attempt begins at a node of the search by halving.
-const _: () = assert!(search::DEPTH + SPLITS + LEVELS < check::DEPTH as u32);
+const _: () = assert!(search::DEPTH + SPLITS + LEVELS < check::DEPTH as u32, "deep proofs are refused");
 
 /// Corner of a loop: its position, and the number of the target triangle's corner that it is, or
 /// [`NO_CORNER`].

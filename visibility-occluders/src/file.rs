@@ -1,11 +1,11 @@
 //! The file of a level's occluders. `docs/formats.md` of the repository describes the format.
 
-use crate::level::{LevelOccluders, LevelReport, OccluderCluster, OccluderPolygon};
+use crate::level::{LevelOccluders, LevelReport, OccluderCluster, OccluderPolygon, hash_of, objects_of};
 use alloc::vec::Vec;
 use core::fmt;
-use visibility_core::Aabb;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer, push_number, take_number};
 use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, ObjectId, Scene};
 
 const FORMAT: Format = Format { magic: *b"VISI-OCC", version: 3 };
 
@@ -175,6 +175,26 @@ impl LevelOccluders {
             read_clusters(numbers, &vertices, &shapes).map_err(|problem| reader.content_error(problem))?;
         let (objects, version) = (Vec::new(), made_from);
         Ok(Self { vertices, edges, polygons, clusters, objects, layers, report, version, made_of })
+    }
+
+    /// Sets the [objects](Self::objects) whose triangles are in the level, for occluders read from a file:
+    /// those that [`of_scene`](Self::of_scene) would take. The version of a level does not depend on which
+    /// objects stand still, so their indices are compared with those of the objects that the occluders were
+    /// made of. Occluders made of triangles alone get the objects unchecked.
+    ///
+    /// # Errors
+    /// [`LevelFileError::OtherObjects`] if the occluders were made of other objects: a door among them would
+    /// hide what is behind it once it is open.
+    pub fn with_objects_of(
+        self,
+        scene: &Scene,
+        stands_still: impl FnMut(ObjectId) -> bool,
+    ) -> Result<Self, LevelFileError> {
+        let objects: Vec<ObjectId> = objects_of(scene, stands_still).map(|(id, _)| id).collect();
+        if self.made_of != 0 && self.made_of != hash_of(&objects) {
+            return Err(LevelFileError::OtherObjects);
+        }
+        Ok(Self { objects, ..self })
     }
 }
 

@@ -2,7 +2,6 @@
 
 use crate::clusters::{Item, divide};
 use crate::faces::{Faces, LevelTriangle, open_sides};
-use crate::file::LevelFileError;
 use crate::outlines::{OutlineEdge, outline, straighten};
 use crate::pieces::divide_regions;
 use crate::regions::{Region, Regions};
@@ -279,26 +278,6 @@ impl LevelOccluders {
         Ok(Self { made_of: hash_of(&objects), objects, layers, ..made })
     }
 
-    /// Sets the [objects](Self::objects) whose triangles are in the level, for occluders read from a file:
-    /// those that [`of_scene`](Self::of_scene) would take. The version of a level does not depend on which
-    /// objects stand still, so their indices are compared with those of the objects that the occluders were
-    /// made of. Occluders made of triangles alone get the objects unchecked.
-    ///
-    /// # Errors
-    /// [`LevelFileError::OtherObjects`] if the occluders were made of other objects: a door among them would
-    /// hide what is behind it once it is open.
-    pub fn with_objects_of(
-        self,
-        scene: &Scene,
-        stands_still: impl FnMut(ObjectId) -> bool,
-    ) -> Result<Self, LevelFileError> {
-        let objects: Vec<ObjectId> = objects_of(scene, stands_still).map(|(id, _)| id).collect();
-        if self.made_of != 0 && self.made_of != hash_of(&objects) {
-            return Err(LevelFileError::OtherObjects);
-        }
-        Ok(Self { objects, ..self })
-    }
-
     /// Appends a cluster of regions, each given with its outline. `magnitude` bounds the magnitudes of the x,
     /// y and z of all vertices.
     fn push_cluster<'a>(
@@ -395,13 +374,13 @@ impl LevelOccluders {
 }
 
 /// Returns a hash of the indices of a level's objects. Never 0, which stands for unknown objects.
-fn hash_of(objects: &[ObjectId]) -> u64 {
+pub(crate) fn hash_of(objects: &[ObjectId]) -> u64 {
     let with = |hash: Fingerprint, id: &ObjectId| hash.with(id.index() as u32);
     objects.iter().fold(Fingerprint::new(), with).value().max(1)
 }
 
 /// Iterates over the objects of a scene whose triangles are in its level.
-fn objects_of(
+pub(crate) fn objects_of(
     scene: &Scene,
     mut stands_still: impl FnMut(ObjectId) -> bool,
 ) -> impl Iterator<Item = (ObjectId, Object)> {

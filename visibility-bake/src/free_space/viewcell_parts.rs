@@ -12,12 +12,12 @@ use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
 
 /// Appends the viewcells of the parts of a box to `all`. A part is a connected set of voxels of the box,
-/// given by its bounds. A viewcell that is inside another part's viewcell is left out. Time is proportional to
-/// the number of parts times that of viewcells and of triangles that meet the box.
+/// given by its bounds. A viewcell that is inside another part's viewcell is left out. Time is proportional
+/// to the number of parts times that of viewcells and of triangles that meet the box.
 ///
 /// # Errors
-/// [`GridError::TooMany`] if `all` then has more than [`Grid::LIMIT`] viewcells, [`GridError::Stopped`] if the
-/// grid's stop function returned true, which is asked for each box and for every 1024th part.
+/// [`GridError::TooMany`] if `all` then has more than [`Grid::LIMIT`] viewcells, [`GridError::Stopped`] if
+/// the grid's stop function returned true, which is asked for each box and for every 1024th part.
 pub(super) fn add_viewcells(
     solids: &SolidTriangles<'_>,
     place: [i64; 3],

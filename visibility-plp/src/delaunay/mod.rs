@@ -154,9 +154,9 @@ impl DelaunayTessellation {
     }
 
     /// Returns a cell that contains a point, by walking from the cell `start` towards the point. `point` is
-    /// in steps of the fine grid, relative to the grid's minimum corner. It is rounded by less than 2^-32 of a
-    /// step along each axis, far less than the tolerances of all who use the cell; the walk is exact. `None`
-    /// for a point outside of the tessellation's cube.
+    /// in steps of the fine grid, relative to the grid's minimum corner. It is rounded by less than 2^-32 of
+    /// a step along each axis, far less than the tolerances of all who use the cell; the walk is exact.
+    /// `None` for a point outside of the tessellation's cube.
     fn find_cell(&self, point: DVec3, start: u32) -> Option<u32> {
         let point = sub_point(point.to_array());
         let corners = |cell: u32| self.cells[cell as usize].map(|vertex| self.points[vertex as usize]);

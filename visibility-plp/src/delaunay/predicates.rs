@@ -146,7 +146,8 @@ mod tests {
         let unit = 1.0 / SUB_STEPS;
         assert_eq!(sub_point([0.0, unit, 1.5]), [0, 1, 3 << 31], "multiples of a unit are exact");
         assert_eq!(sub_point([131_072.0 - unit; 3]), [(1 << 49) - 1; 3], "the last unit in the cube");
-        assert_eq!(sub_point([-unit, 1e300, f64::NEG_INFINITY]), [-1, (1 << 49) + (1 << 32), -1 << 32]);
+        let outside = sub_point([-unit, 1e300, f64::NEG_INFINITY]);
+        assert_eq!(outside, [-1, (1 << 49) + (1 << 32), -1 << 32], "points outside of the cube");
     }
 
     /// Points on one sphere and one step off it. Points of a sphere are made by permuting three coordinate

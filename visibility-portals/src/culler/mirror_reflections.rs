@@ -396,8 +396,8 @@ mod tests {
             let exact = DoubleDouble::from(-x).plus(DoubleDouble::from(-2.0 * offset));
             let off = exact.plus(DoubleDouble::from(-mirrored)).hi.abs();
             assert!(moved.slack >= off, "trial {trial}: an anchor is off by {off}, {moved:?}");
-            // The offset of a plane far from the anchor of parallel views, moved by the little that the anchor
-            // is off its reflection.
+            // The offset of a plane far from the anchor of parallel views, moved by the little that the
+            // anchor is off its reflection.
             let far = WindowPlane { plane: Plane::new(of_side, 1e6 * random.fine_unit()), ..side };
             let near = DVec3::X * random.fine_unit();
             let parallel = PortalView { lines: Lines::Along(DVec3::X, 0.0), ..eye(near) };
