@@ -315,7 +315,7 @@ mod tests {
         cells
     }
 
-    /// Calls `each` for faces of the smallest cells with the centre of the cell, a point 1e-4 to 0.1 steps of
+    /// Calls `each` for faces of the smallest cells with the centre of the cell, a point 0.001 to 0.01 steps of
     /// the fine grid beyond the face, and the face's outward normal. In metres.
     fn for_points_beyond_faces(cells: &DelaunayTessellation, mut each: impl FnMut(DVec3, DVec3, DVec3)) {
         let mut random = Random(52);
@@ -326,7 +326,7 @@ mod tests {
                 continue;
             }
             cells.for_each_face(cell, &|_| true, &mut |face| {
-                for height in [1e-4, 1e-3, 2e-3, 4e-3, 1e-2, 0.1] {
+                for height in [1e-3, 4e-3, 1e-2] {
                     let on = [1, 2, 3].map(|i| {
                         let weight = random.fine_range(0.1, 1.0);
                         let is_of_face = |p: &&DVec3| (**p - face.point).dot(face.normal).abs() < 1e-9;
@@ -340,7 +340,7 @@ mod tests {
                 }
             });
         }
-        assert!(count > 40_000, "{count}");
+        assert!(count > 20_000, "{count}");
     }
 
     /// Triangles that begin just beyond a face of a cell and lead away from the cell are in some cell, though
@@ -381,7 +381,7 @@ mod tests {
                 beyond += 1;
             });
         });
-        assert!(beyond > 100_000, "{beyond}");
+        assert!(beyond > 50_000, "{beyond}");
     }
 
     /// An object with one of its triangles outside of the tessellation's cube is in no cell.
