@@ -172,7 +172,7 @@ impl Mesh {
             let mut around = [NONE; 4];
             around[face] = outer;
             if outer != NONE
-                && let Some(back) = self.back(outer, &cell, vertex)
+                && let Some(back) = self.back(outer, &cell)
             {
                 self.neighbours[outer as usize][back] = place;
             }
@@ -197,11 +197,10 @@ impl Mesh {
     }
 
     /// Returns the face that the kept cell `outer` shares with a new cell: the index, 0 to 3, of the corner
-    /// of `outer` opposite of the face. `cell` holds the corners of the new cell, and `vertex` is the new
-    /// point. `None` if all corners are shared.
-    fn back(&self, outer: u32, cell: &[u32; 4], vertex: u32) -> Option<usize> {
-        let shared = |v: u32| v != vertex && cell.contains(&v);
-        self.cells[outer as usize].iter().position(|&v| !shared(v))
+    /// of `outer` opposite of the face. `cell` holds the corners of the new cell. `None` if all corners are
+    /// shared.
+    fn back(&self, outer: u32, cell: &[u32; 4]) -> Option<usize> {
+        self.cells[outer as usize].iter().position(|v| !cell.contains(v))
     }
 }
 
@@ -303,6 +302,29 @@ mod tests {
             check(&mesh, 1 << 16, false);
         }
         assert!(gaps > 1, "{gaps}");
+    }
+
+    /// A point in a face between two cells is inserted. A point on the surface of the cube, with which a cell
+    /// would be flat, is not, nor is a point outside or one that is a vertex.
+    #[test]
+    fn points_in_faces_are_inserted_unless_a_cell_would_be_flat() {
+        for (point, expected) in [
+            ([4, 4, 2], true),
+            ([4, 4, 4], true),
+            ([4, 3, 2], true),
+            ([4, 0, 2], false),
+            ([4, 0, 0], false),
+            ([8, 8, 8], false),
+            ([4, 9, 2], false),
+            ([-1, 4, 4], false),
+        ] {
+            for start in 0..6 {
+                let mut mesh = Mesh::cube(8);
+                assert_eq!(mesh.insert(point, start).is_some(), expected, "{point:?}, from cell {start}");
+                mesh.close_gaps();
+                check(&mesh, 8, true);
+            }
+        }
     }
 
     #[test]
