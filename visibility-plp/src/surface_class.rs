@@ -137,8 +137,8 @@ fn side_of(u: DVec3, v: DVec3) -> (u8, MaxLean) {
     let side = axis as u8 * 2 + u8::from(normal[axis] < 0.0);
     let lean = size[(axis + 1) % 3].max(size[(axis + 2) % 3]) / size[axis];
     // The normal's error is about 1e-15 times the product of the edge lengths, so at most 1e-8 of the lengths
-    // accepted here.
-    let known = size[axis] > 1e-7 * u.length() * v.length() && size[axis] < f64::INFINITY;
+    // accepted here. Where the product overflows, so do the lengths, and nothing is known.
+    let known = size[axis] > 1e-7 * u.length() * v.length();
     let steps = (lean - 1e-7).max(0.0) * f64::from(LEAN_AT_45_DEGREES);
     // Casts round towards zero.
     (side, if known { steps as u8 + u8::from(steps > f64::from(steps as u8)) } else { UNKNOWN_LEAN })
