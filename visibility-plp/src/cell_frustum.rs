@@ -367,8 +367,7 @@ mod tests {
     }
 
     /// Returns views whose rows of the matrix are so nearly parallel that the eye's error is far greater than
-    /// rounding: seven perspective views, then seven parallel views. The errors are about 1e-8 of the distance
-    /// of the eye, or of the direction.
+    /// rounding: seven perspective views, then seven parallel views.
     fn uncertain_views() -> Vec<View> {
         let mut random = Random(71);
         let of = |rows: [[f64; 4]; 4], depth| {
@@ -391,8 +390,8 @@ mod tests {
         perspective.into_iter().chain(parallel).collect()
     }
 
-    /// View rays may leave a cell through faces that the exact eye may be within. All side planes of a parallel
-    /// view count as such, though its computed direction may enter them.
+    /// View rays may leave a cell through faces that the exact eye may be within. All side planes of a
+    /// parallel view count as such, though its computed direction may enter them.
     #[test]
     fn the_error_of_the_eye_closes_no_face() {
         let bounds = Aabb::from_arrays([-1.0; 3], [1.0; 3]);

@@ -169,9 +169,10 @@ impl NormalBins {
                 // n . a and (m - n) . (eye - a). The second term is at most the spread times the greatest
                 // distance. The spread is that of the computed m, which for slivers has an error of up to
                 // 1e-9: see `unit_normal`, which accepts at most half of that. Products with n are rounded by
-                // 1e-15 of the distance, and the spread by 2^-24 of at most `FLAT`. Offsets in steps are rounded down by
-                // up to one step; the division by the step preserves order. An eye off by its error changes
-                // the offset by at most as much, and the second term by less than a thousandth of that.
+                // 1e-15 of the distance, and the spread by 2^-24 of at most `FLAT`. Offsets in steps are
+                // rounded down by up to one step; the division by the step preserves order. An eye off by its
+                // error changes the offset by at most as much, and the second term by less than a thousandth
+                // of that.
                 let sure = ((f64::from(bin.spread) + 1e-9) * farthest + 1.001 * eye_error) / self.step + 1.0;
                 *of_bin = [offset / self.step, sure];
             }

@@ -335,8 +335,8 @@ mod tests {
         (0..4).map(side).collect()
     }
 
-    /// Random triangles, boxes and tetrahedra: those that meet by clipping meet, and those that clipping finds
-    /// apart by more than the tolerances are apart.
+    /// Random triangles, boxes and tetrahedra: those that meet by clipping meet, and those that clipping
+    /// finds apart by more than the tolerances are apart.
     #[test]
     fn overlaps_are_those_of_clipping() {
         let mut random = Random(23);

@@ -315,8 +315,8 @@ mod tests {
         cells
     }
 
-    /// Calls `each` for faces of the smallest cells with the centre of the cell, a point 0.001 to 0.01 steps of
-    /// the fine grid beyond the face, and the face's outward normal. In metres.
+    /// Calls `each` for faces of the smallest cells with the centre of the cell, a point 0.001 to 0.01 steps
+    /// of the fine grid beyond the face, and the face's outward normal. In metres.
     fn for_points_beyond_faces(cells: &DelaunayTessellation, mut each: impl FnMut(DVec3, DVec3, DVec3)) {
         let mut random = Random(52);
         let mut count = 0;
