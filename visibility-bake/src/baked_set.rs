@@ -331,8 +331,8 @@ impl BakedSet {
         for (viewcell, degrees) in (0..).map(ViewcellId).zip(degrees) {
             self.pvs.write_bits(viewcell, &mut bits);
             let bits = Bits::from(std::mem::take(&mut bits));
-            let classes = objects.iter().enumerate().filter(|&(class, _)| bits.contains(class));
-            let mut row: Vec<u32> = classes.flat_map(|(_, objects)| objects).copied().collect();
+            let classes = bits.iter().filter_map(|class| objects.get(class));
+            let mut row: Vec<u32> = classes.flatten().copied().collect();
             row.sort_unstable();
             if row.len() != degrees.len() {
                 return Err(BakedSetError::Degrees { viewcell });

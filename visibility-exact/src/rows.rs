@@ -7,16 +7,24 @@
 //! bounded by the loop is crossed. All other segments pass outside of some edge, and for each edge those
 //! outside of it are a node of their own. Linear programs tell which of these nodes have no segments.
 
+use crate::check;
 use crate::corner_proof;
 use crate::half::Half;
 use crate::line_side::{Edge, NO_CORNER, Row, SideFrom, side, sign};
 use crate::matrix_game::{Matrix, Value};
 use crate::proof::{LoopEdge, Step};
-use crate::search::{Answer, Search, Segment};
+use crate::search::{self, Answer, SPLITS, Search, Segment};
 use crate::side_signs::{NEGATIVE, POSITIVE, Zeros, signs};
 use crate::sight::Sight;
 use alloc::{boxed::Box, vec::Vec};
 use visibility_core::glam::DVec3;
+
+/// Greatest number of divisions, by loops or in halves, on the way from the root of an attempt to a node.
+/// Deeper nodes stay undecided. Each level takes 4 to 6 KB of the stack. Tests and scenes need 63 at most.
+const LEVELS: u32 = 100;
+
+// The check refuses proofs whose nodes are deeper. An attempt begins at a node of the search by halving.
+const _: () = assert!(search::DEPTH + SPLITS + LEVELS < check::DEPTH as u32, "deep proofs are refused");
 
 /// Corner of a loop: its position, and the number of the target triangle's corner that it is, or
 /// [`NO_CORNER`].
@@ -109,13 +117,13 @@ impl Search<'_> {
     /// Decides all segments of `sight` by dividing them by loops. `left` is the number of nodes that may
     /// still be used.
     pub(crate) fn divide(&mut self, sight: &Sight, left: &mut u32) -> Answer {
-        self.divide_rows(&mut RowNode::new(*sight, sight.side_error(self.delta), &[]), left, 0)
+        self.divide_rows(&mut RowNode::new(*sight, sight.side_error(self.delta), &[]), left, 0, 0)
     }
 
     /// Decides the segments of a node. `left` is the number of nodes that may still be used, `halvings` the
-    /// number of halvings so far.
-    fn divide_rows(&mut self, node: &mut RowNode, left: &mut u32, halvings: u32) -> Answer {
-        if *left == 0 || self.must_stop() {
+    /// number of halvings on the way to the node, `levels` that of halvings and divisions by loops.
+    fn divide_rows(&mut self, node: &mut RowNode, left: &mut u32, halvings: u32, levels: u32) -> Answer {
+        if *left == 0 || levels > LEVELS || self.must_stop() {
             return Answer::Undecided;
         }
         *left -= 1;
@@ -139,7 +147,7 @@ impl Search<'_> {
                 self.steps.push(Step::Corner { edges });
                 return Answer::Hidden;
             }
-            return self.halve_divided(node, left, halvings);
+            return self.halve_divided(node, left, halvings, levels);
         };
         let mut hits = core::mem::take(&mut self.hits);
         let unsure = self.probe(line, &mut hits);
@@ -149,12 +157,19 @@ impl Search<'_> {
         if is_clear {
             return Answer::Visible(line);
         }
-        let Some(best) = best else { return self.halve_divided(node, left, halvings) };
-        self.divide_by(node, &best, left, halvings)
+        let Some(best) = best else { return self.halve_divided(node, left, halvings, levels) };
+        self.divide_by(node, &best, left, halvings, levels)
     }
 
     /// Divides a node by the edges of a loop, and decides the parts that pass outside of an edge.
-    fn divide_by(&mut self, node: &mut RowNode, by: &Loop, left: &mut u32, halvings: u32) -> Answer {
+    fn divide_by(
+        &mut self,
+        node: &mut RowNode,
+        by: &Loop,
+        left: &mut u32,
+        halvings: u32,
+        levels: u32,
+    ) -> Answer {
         let base = node.rows.len();
         let mut edges = Vec::with_capacity(by.ring.len());
         for (k, &divides) in by.divides.iter().enumerate() {
@@ -187,7 +202,7 @@ impl Search<'_> {
                 node.push(by.row(dividing[count - 1], by.side));
             }
             node.push(by.row(k, -by.side));
-            answer = self.divide_rows(node, left, halvings);
+            answer = self.divide_rows(node, left, halvings, levels + 1);
             if !matches!(answer, Answer::Hidden) {
                 break;
             }
@@ -201,7 +216,7 @@ impl Search<'_> {
 
     /// Halves the viewcell polygon or the target polygon of a node, and decides both halves. A way to halve
     /// that leaves one half without lines is preferred.
-    fn halve_divided(&mut self, node: &RowNode, left: &mut u32, halvings: u32) -> Answer {
+    fn halve_divided(&mut self, node: &RowNode, left: &mut u32, halvings: u32, levels: u32) -> Answer {
         if halvings >= self.budget.halvings {
             return Answer::Undecided;
         }
@@ -235,7 +250,7 @@ impl Search<'_> {
         let mark = self.steps.len();
         self.steps.push(step);
         for mut half in halves {
-            let answer = self.divide_rows(&mut half, left, halvings + 1);
+            let answer = self.divide_rows(&mut half, left, halvings + 1, levels + 1);
             if !matches!(answer, Answer::Hidden) {
                 self.steps.truncate(mark);
                 return answer;
@@ -440,6 +455,49 @@ fn drop_straight(ring: &mut Vec<RingCorner>) {
             k = k.saturating_sub(1);
         } else {
             k += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::search::Budget;
+    use crate::sight::{CellBox, Target, sights};
+    use crate::triangles::SceneTriangles;
+    use std::vec;
+    use visibility_core::glam::Vec3;
+    use visibility_core::pvs::Viewcell;
+    use visibility_core::{Aabb, Object, Scene};
+
+    /// Nodes below the deepest level stay undecided: two walls that overlap hide a target, which takes one
+    /// division by the edge of a wall.
+    #[test]
+    fn nodes_below_the_deepest_level_are_undecided() {
+        let plate = |x: f32, y: [f32; 2], r: f32| {
+            let [a, b, c, d] =
+                [(y[0], -r), (y[1], -r), (y[1], r), (y[0], r)].map(|(y, z)| Vec3::new(x, y, z));
+            vec![[a, b, c], [a, c, d]]
+        };
+        let mut scene = Scene::new();
+        for triangles in
+            [plate(20.0, [-0.5, 0.5], 0.5), plate(5.0, [-30.0, 0.2], 30.0), plate(6.0, [-0.2, 30.0], 30.0)]
+        {
+            let bounds = Aabb::from_points(triangles.iter().flatten().copied());
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            scene.set_triangles(id, triangles).unwrap();
+        }
+        let triangles = SceneTriangles::new(&scene);
+        let cell = Viewcell::from_box(DVec3::new(0.0, -0.5, -0.5), DVec3::new(1.0, 0.5, 0.5));
+        let cell = CellBox::new(&cell, DVec3::ZERO).unwrap();
+        let target = Target::Triangle(0);
+        let mut search = Search::new(&triangles, cell, 1e-4, None);
+        search.begin(target, Budget { nodes: 1000, divided: 200, halvings: 0 });
+        let all = sights(&triangles, &cell, target, 1e-4, search.pad()).unwrap();
+        for (levels, expected) in [(0, true), (LEVELS - 1, true), (LEVELS, false), (LEVELS + 1, false)] {
+            let mut node = RowNode::new(all[0], all[0].side_error(search.delta), &[]);
+            let answer = search.divide_rows(&mut node, &mut 200, 0, levels);
+            assert_eq!(answer == Answer::Hidden, expected, "at level {levels}: {answer:?}");
         }
     }
 }

@@ -55,7 +55,7 @@ pub(crate) struct Budget {
 
 /// Number of halvings, of the viewcell or target polygon, after which a node is not halved further and stays
 /// undecided.
-const DEPTH: u32 = 28;
+pub(crate) const DEPTH: u32 = 28;
 /// Number of halvings after which a node is first divided by occluder edges too, and then again after every
 /// third further halving.
 const DIVIDE_FROM: u32 = 3;

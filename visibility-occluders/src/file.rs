@@ -1,13 +1,13 @@
 //! The file of a level's occluders. `docs/formats.md` of the repository describes the format.
 
-use crate::level::{LevelOccluders, LevelReport, OccluderCluster, OccluderPolygon};
+use crate::level::{LevelOccluders, LevelReport, OccluderCluster, OccluderPolygon, hash_of, objects_of};
 use alloc::vec::Vec;
 use core::fmt;
-use visibility_core::Aabb;
 use visibility_core::binary_format::{Format, FormatError, Reader, Writer, push_number, take_number};
 use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::{Aabb, ObjectId, Scene};
 
-const FORMAT: Format = Format { magic: *b"VISI-OCC", version: 2 };
+const FORMAT: Format = Format { magic: *b"VISI-OCC", version: 3 };
 
 /// Kind, in the header, of a file whose fingerprint is the version of the level.
 const WITH_VERSION: u32 = 1;
@@ -29,6 +29,8 @@ pub enum LevelFileError {
         /// Version of the level that the caller asked for.
         level: u64,
     },
+    /// The occluders were made of other objects than those found: other objects stand still than then.
+    OtherObjects,
 }
 
 impl fmt::Display for LevelFileError {
@@ -44,6 +46,11 @@ impl fmt::Display for LevelFileError {
                 f,
                 "the file does not say from which version of the level the occluders were made; the level \
                  is {level:016x}: make them again"
+            ),
+            Self::OtherObjects => write!(
+                f,
+                "the occluders were made while other objects counted as standing still, such as a door: make \
+                 them again"
             ),
         }
     }
@@ -78,7 +85,9 @@ impl LevelOccluders {
     /// let level = LevelOccluders::of_scene(&scene, |_| true, LevelSettings::default())?;
     /// let file = level.to_bytes();
     /// let read = LevelOccluders::from_bytes(&file, Some(level_version(&scene)))?;
-    /// assert_eq!(read.with_objects_of(&scene, |_| true), level);
+    /// assert_eq!(read.clone().with_objects_of(&scene, |_| true)?, level);
+    /// // The wall is a door now, which does not stand still.
+    /// assert_eq!(read.with_objects_of(&scene, |id| id != wall), Err(LevelFileError::OtherObjects));
     /// // After the wall has become glass, the file is of an earlier version of the level.
     /// scene.set_occluder(wall, false)?;
     /// let refused = LevelOccluders::from_bytes(&file, Some(level_version(&scene)));
@@ -91,6 +100,7 @@ impl LevelOccluders {
         let report = self.report();
         out.u64s(counts(report).map(|count| count as u64));
         out.u64(report.area_left_out.to_bits());
+        out.u64(self.made_of);
         out.u32(self.layers().len() as u32);
         out.u32s(self.layers().iter().copied());
         out.u32(self.vertices().len() as u32);
@@ -143,6 +153,7 @@ impl LevelOccluders {
             *count = usize::try_from(reader.u64()?).unwrap_or(usize::MAX);
         }
         report.area_left_out = f64::from_bits(reader.u64()?);
+        let made_of = reader.u64()?;
         // A forged count is refused by `reader`, which has fewer bytes left.
         let mask_count = reader.u32()? as usize;
         let layers = reader.u32s(mask_count)?;
@@ -163,7 +174,27 @@ impl LevelOccluders {
         let (edges, polygons, clusters) =
             read_clusters(numbers, &vertices, &shapes).map_err(|problem| reader.content_error(problem))?;
         let (objects, version) = (Vec::new(), made_from);
-        Ok(Self { vertices, edges, polygons, clusters, objects, layers, report, version })
+        Ok(Self { vertices, edges, polygons, clusters, objects, layers, report, version, made_of })
+    }
+
+    /// Sets the [objects](Self::objects) whose triangles are in the level, for occluders read from a file:
+    /// those that [`of_scene`](Self::of_scene) would take. The version of a level does not depend on which
+    /// objects stand still, so their indices are compared with those of the objects that the occluders were
+    /// made of. Occluders made of triangles alone get the objects unchecked.
+    ///
+    /// # Errors
+    /// [`LevelFileError::OtherObjects`] if the occluders were made of other objects: a door among them would
+    /// hide what is behind it once it is open.
+    pub fn with_objects_of(
+        self,
+        scene: &Scene,
+        stands_still: impl FnMut(ObjectId) -> bool,
+    ) -> Result<Self, LevelFileError> {
+        let objects: Vec<ObjectId> = objects_of(scene, stands_still).map(|(id, _)| id).collect();
+        if self.made_of != 0 && self.made_of != hash_of(&objects) {
+            return Err(LevelFileError::OtherObjects);
+        }
+        Ok(Self { objects, ..self })
     }
 }
 

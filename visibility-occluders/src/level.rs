@@ -8,6 +8,7 @@ use crate::regions::{Region, Regions};
 use crate::t_junctions::insert_t_junctions;
 use alloc::vec::Vec;
 use core::fmt;
+use visibility_core::binary_format::Fingerprint;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::level_version::{level_object, level_version};
 use visibility_core::{Aabb, Object, ObjectId, Scene};
@@ -188,6 +189,9 @@ pub struct LevelOccluders {
     pub(crate) report: LevelReport,
     /// Version of the level that the occluders were made from. `None` if it is unknown.
     pub(crate) version: Option<u64>,
+    /// [Hash](hash_of) of the indices of the objects whose triangles are in the level. 0 if it was made from
+    /// triangles alone.
+    pub(crate) made_of: u64,
 }
 
 impl LevelOccluders {
@@ -270,14 +274,8 @@ impl LevelOccluders {
                 layers.push(object.layers);
             }
         }
-        Ok(Self { objects, layers, ..Self::new(&triangles, settings)?.with_version(level_version(scene)) })
-    }
-
-    /// Sets the [objects](Self::objects) whose triangles are in the level, for occluders read from a file:
-    /// those that [`of_scene`](Self::of_scene) would take.
-    #[must_use]
-    pub fn with_objects_of(self, scene: &Scene, stands_still: impl FnMut(ObjectId) -> bool) -> Self {
-        Self { objects: objects_of(scene, stands_still).map(|(id, _)| id).collect(), ..self }
+        let made = Self::new(&triangles, settings)?.with_version(level_version(scene));
+        Ok(Self { made_of: hash_of(&objects), objects, layers, ..made })
     }
 
     /// Appends a cluster of regions, each given with its outline. `magnitude` bounds the magnitudes of the x,
@@ -375,8 +373,14 @@ impl LevelOccluders {
     }
 }
 
+/// Returns a hash of the indices of a level's objects. Never 0, which stands for unknown objects.
+pub(crate) fn hash_of(objects: &[ObjectId]) -> u64 {
+    let with = |hash: Fingerprint, id: &ObjectId| hash.with(id.index() as u32);
+    objects.iter().fold(Fingerprint::new(), with).value().max(1)
+}
+
 /// Iterates over the objects of a scene whose triangles are in its level.
-fn objects_of(
+pub(crate) fn objects_of(
     scene: &Scene,
     mut stands_still: impl FnMut(ObjectId) -> bool,
 ) -> impl Iterator<Item = (ObjectId, Object)> {

@@ -6,8 +6,9 @@ use visibility_core::{Aabb, Object, ObjectId, Scene, level_version};
 use visibility_occluders::{LevelFileError, LevelOccluders, LevelSettings, LevelTriangle};
 use visibility_testing::{NOT_ALWAYS_DRAWN, Random, forge_counts, mend_header};
 
-/// Number of bytes of a file before its layer masks: the header, the report, and the number of layer masks.
-const FRONT: usize = 40 + 64 + 4;
+/// Number of bytes of a file before its layer masks: the header, the report, the hash of the
+/// objects, and the number of layer masks.
+const FRONT: usize = 40 + 64 + 8 + 4;
 
 /// Returns the occluders of a few rectangles, some of them with a hole where a triangle is missing, in
 /// clusters of a few edges.
@@ -179,7 +180,7 @@ fn a_level_is_made_of_what_is_always_drawn() {
     assert_eq!((level.objects(), level.layers()), (&walls[..], &[1, 2][..]), "all walls, and their layers");
     let file = level.to_bytes();
     let read = LevelOccluders::from_bytes(&file, Some(level_version(&scene))).unwrap();
-    assert_eq!(read.with_objects_of(&scene, |_| true), level, "the level from its file");
+    assert_eq!(read.with_objects_of(&scene, |_| true), Ok(level), "the level from its file");
     type Edit = fn(&mut Scene, ObjectId);
     let edits: [Edit; 2] =
         [|scene, id| scene.set_layers(id, 0).unwrap(), |scene, id| scene.set_see_through(id, true).unwrap()];
@@ -192,4 +193,29 @@ fn a_level_is_made_of_what_is_always_drawn() {
         let refused = LevelOccluders::from_bytes(&file, level.version());
         assert!(matches!(refused, Err(LevelFileError::OtherVersion { .. })), "edit {number}: {refused:?}");
     }
+}
+
+/// A level that was made with a door among its objects is refused once the door does not stand still, and the
+/// reverse, though both have one version.
+#[test]
+fn a_level_of_other_objects_is_refused() {
+    let corners = [Vec3::X * 5.0, Vec3::new(5.0, 4.0, 0.0), Vec3::new(5.0, 4.0, 3.0)];
+    let mut scene = Scene::new();
+    let object = Object { occluder: true, ..Object::new(Aabb::from_points(corners)) };
+    let ids = scene.insert_batch([object; 3]);
+    ids.iter().for_each(|&id| scene.set_triangles(id, [corners]).unwrap());
+    let choices: [&dyn Fn(ObjectId) -> bool; 5] =
+        [&|_| true, &|id| id != ids[0], &|id| id != ids[2], &|id| id == ids[1], &|_| false];
+    for (made, chosen) in choices.iter().enumerate() {
+        let level = LevelOccluders::of_scene(&scene, chosen, LevelSettings::default()).unwrap();
+        let read = LevelOccluders::from_bytes(&level.to_bytes(), Some(level_version(&scene))).unwrap();
+        for (found, now) in choices.iter().enumerate() {
+            let answer = read.clone().with_objects_of(&scene, now);
+            let expected = if made == found { Ok(level.clone()) } else { Err(LevelFileError::OtherObjects) };
+            assert_eq!(answer, expected, "made of choice {made}, found choice {found}");
+        }
+    }
+    assert!(LevelFileError::OtherObjects.to_string().contains("door"), "the error names a cause");
+    let alone = sample(true).with_objects_of(&scene, |_| true).unwrap();
+    assert_eq!(alone.objects(), ids, "objects of occluders made of triangles alone");
 }

@@ -106,8 +106,9 @@ impl CellFrustum {
                         bounded.distance(eye)
                             >= -plane.error - 1e-15 * (4.0 * eye.abs().max_element() + bounded.offset.abs())
                     }
-                    // An eye at infinity lies outside of every plane whose inner side view rays enter.
-                    Eye::Direction(along) => bounded.normal.dot(along) <= 1e-12,
+                    // An eye at infinity lies outside of every plane whose inner side view rays enter. The
+                    // cosine is rounded by a few times 2^-53, beside the error of the direction.
+                    Eye::Direction(along) => bounded.normal.dot(along) <= 1e-15 + eye_error,
                 };
                 if eye_is_inside == with_eye_inside {
                     frustum.planes[frustum.count] = bounded;
@@ -253,7 +254,9 @@ impl CellFrustum {
 mod tests {
     use super::*;
     use crate::test_exact::{IntVector, Random, RandomExact, cross, dot, fine, minus, within};
-    use visibility_core::{Pose, geometry::Plane, view::Window};
+    use alloc::vec::Vec;
+    use visibility_core::view::{Depth, Window};
+    use visibility_core::{Pose, geometry::Plane};
 
     /// In perspective and orthographic views, only the near plane counts as crossed by view rays. All other
     /// planes have the eye on their inner side or in the plane.
@@ -272,6 +275,23 @@ mod tests {
                 CellFrustum::new(&view.unwrap(), DVec3::ZERO, &Aabb::from_arrays([-1.0; 3], [1.0; 3]));
             assert_eq!((frustum.side_count, frustum.count), (5, 6), "round {round}, {pose:?}");
         }
+    }
+
+    /// Parallel rays that enter a clip plane at a very small angle pass through a box outside of the plane
+    /// before they are in view.
+    #[test]
+    fn boxes_before_a_plane_that_rays_enter_are_crossed() {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::orthographic(pose, Window::centered(10.0, 10.0), -1000.0, 1000.0).unwrap();
+        let bounds = Aabb::from_arrays([-1000.0; 3], [1000.0; 3]);
+        // The ray along the upper edge of the box enters the view where x is 920.
+        let clipped = view.with_clip_planes(&[Plane::new(DVec3::new(5e-13, 1.0, 0.0), 0.0)]).unwrap();
+        let frustum = CellFrustum::new(&clipped, DVec3::ZERO, &bounds);
+        let crossed = Aabb::from_arrays([-1000.0, -1.0, -1.0], [-900.0, -4.6e-10, 1.0]);
+        assert_ne!(frustum.classify(&crossed), CellPlace::Outside, "a box that rays pass through");
+        let along = view.with_clip_planes(&[Plane::new(DVec3::Y, 0.0)]).unwrap();
+        let frustum = CellFrustum::new(&along, DVec3::ZERO, &bounds);
+        assert_eq!(frustum.classify(&crossed), CellPlace::Outside, "a box of which no ray comes into view");
     }
 
     /// Boxes and triangles with one corner in a plane, or nearer to the plane than the error bound, are
@@ -327,6 +347,12 @@ mod tests {
                 );
                 (frustum.count, frustum.side_count) = (1, 1);
                 assert_eq!(frustum.classify(&bounds), CellPlace::Crossing(1), "{plane:?} {bounds:?}");
+                #[cfg(feature = "papers")]
+                {
+                    (frustum.count, frustum.side_count) = (1, 0);
+                    assert!(!frustum.is_beyond_near(&bounds), "{plane:?} {bounds:?}");
+                    (frustum.count, frustum.side_count) = (1, 1);
+                }
                 let triangle = [float(corner), float(beyond), bounds.center()];
                 assert!(!frustum.is_outside([&triangle].into_iter(), 1), "{plane:?} {triangle:?}");
                 let shifted = |by: f32| {
@@ -338,6 +364,131 @@ mod tests {
             }
         }
         assert!(outside > 19_900 && inside > 19_900, "{outside} {inside}");
+    }
+
+    /// Returns views whose rows of the matrix are so nearly parallel that the eye's error is far greater than
+    /// rounding: seven perspective views, then seven parallel views.
+    fn uncertain_views() -> Vec<View> {
+        let mut random = Random(71);
+        let of = |rows: [[f64; 4]; 4], depth| {
+            let matrix: [f64; 16] = core::array::from_fn(|i| rows[i % 4][i / 4]);
+            View::from_clip_from_world(matrix, depth).unwrap()
+        };
+        let large = f64::from(1 << 29);
+        let plus = |a: [f64; 4], by: [f64; 4]| [0, 1, 2, 3].map(|i| large * a[i] + by[i]);
+        let perspective = (0..7).map(|_| random.vector(9.0)).map(|eye| {
+            let w = [1.0, 1.0, 1.0, -eye.element_sum()];
+            let (x, y) = ([1.0, 0.0, 0.0, -eye.x], [0.0, 1.0, 0.0, -eye.y]);
+            of([plus(w, x), y, [0.0, 0.0, 0.0, 0.1], w], Depth::ReversedInfinite)
+        });
+        let perspective: Vec<View> = perspective.collect();
+        let parallel = (0..7).map(|_| random.vector(1.0)).map(|off| {
+            let row = [1.0 + off.x, 1.0 + off.y, 1.0 + off.z, 0.0];
+            let (x, y) = ([1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]);
+            of([plus(row, x), plus(row, y), [0.0, 0.0, 1e-3, 0.0], [0.0, 0.0, 0.0, 1.0]], Depth::ZeroToOne)
+        });
+        perspective.into_iter().chain(parallel).collect()
+    }
+
+    /// View rays may leave a cell through faces that the exact eye may be within. All side planes of a
+    /// parallel view count as such, though its computed direction may enter them.
+    #[test]
+    fn the_error_of_the_eye_closes_no_face() {
+        let bounds = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+        let (mut random, mut largest) = (Random(72), [0.0f64; 2]);
+        for (number, view) in uncertain_views().iter().enumerate() {
+            let error = ViewProjection::new(view, DVec3::ZERO).eye_error();
+            let frustum = CellFrustum::new(view, DVec3::ZERO, &bounds);
+            assert_eq!(frustum.eye_error, error, "view {number}: the error of the eye");
+            let is_parallel = number >= 7;
+            largest[usize::from(is_parallel)] = largest[usize::from(is_parallel)].max(error);
+            assert!(!is_parallel || frustum.side_count == 5, "view {number}: {frustum:?}");
+            for _ in 0..100 {
+                let normal = random.direction();
+                for (part, expected) in [(-1.0, true), (0.99, true), (2.0, false)] {
+                    let (point, normal) = match frustum.eye {
+                        Eye::Point(eye) => (eye - normal * (part * error), normal),
+                        // A normal that is as much more than perpendicular to the direction.
+                        Eye::Direction(along) => {
+                            let across = along.cross(normal).normalize();
+                            (DVec3::ZERO, (across - along * (part * error)).normalize())
+                        }
+                    };
+                    let is_exit = frustum.may_exit_through(point, normal);
+                    assert_eq!(is_exit, expected, "view {number}: the eye is {part} errors beyond a face");
+                }
+            }
+        }
+        assert!(
+            largest.iter().all(|&error| (3e-8..1e-4).contains(&error)),
+            "the largest errors: {largest:?}"
+        );
+    }
+
+    /// Faces in whose plane the eye lies, up to rounding, are exits, from near and far eyes and faces.
+    #[test]
+    fn faces_in_the_plane_of_the_eye_are_exits() {
+        let mut random = Random(73);
+        let mut below = 0;
+        for round in 0..20_000 {
+            let size = 10f64.powi(round % 9 - 2);
+            let (eye, normal) = (random.fine_vector(size), random.direction());
+            let far = random.fine_vector(size).as_vec3();
+            // The far corner of the bounds is on one side of the origin alone.
+            let bounds = match round % 2 {
+                0 => Aabb::new(Vec3::ZERO, far.abs()),
+                _ => Aabb::new(-far.abs(), Vec3::ZERO),
+            };
+            let view = View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0);
+            let frustum = CellFrustum::new(&view.unwrap(), DVec3::ZERO, &bounds);
+            let reach = f64::from(far.abs().max_element());
+            assert!(frustum.planes[0].slack >= 4e-14 * reach, "{bounds:?}: the slack of {frustum:?}");
+            let along = random.fine_vector(size);
+            let point = eye + (along - normal * normal.dot(along));
+            assert!(frustum.may_exit_through(point, normal), "{point} {normal} from {eye}");
+            below += u32::from(normal.dot(point - eye) < 0.0);
+        }
+        assert!(below > 5_000, "{below} faces seem to be on the wrong side");
+    }
+
+    /// Boxes between the eye and the near plane are passed by view rays.
+    #[test]
+    fn boxes_before_the_near_plane_are_crossed() {
+        let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 10.0, 100.0);
+        let bounds = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+        let frustum = CellFrustum::new(&view.unwrap(), DVec3::ZERO, &bounds);
+        let at = |x: f32| Aabb::from_arrays([x, -0.1, -0.1], [x + 1.0, 0.1, 0.1]);
+        assert_eq!(frustum.classify(&at(2.0)), CellPlace::Crossing(1 << 5), "before the near plane");
+        assert_eq!(frustum.classify(&at(20.0)), CellPlace::Crossing(0), "in view");
+        assert_eq!(frustum.classify(&at(101.0)), CellPlace::Outside, "beyond the far plane");
+        #[cfg(feature = "papers")]
+        for (x, expected) in [(2.0, false), (9.5, false), (10.5, true), (20.0, true)] {
+            assert_eq!(frustum.is_beyond_near(&at(x)), expected, "a box at {x}");
+        }
+    }
+
+    /// Distances of boxes, and solid angles of triangles: that of a far triangle is its area by the squared
+    /// distance, and that of a triangle around the eye is at most a steradian or so.
+    #[test]
+    fn distances_and_solid_angles_are_those_of_the_eye() {
+        let view = View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, 100.0);
+        let bounds = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+        let frustum = CellFrustum::new(&view.unwrap(), DVec3::ZERO, &bounds);
+        for (min, max, expected) in [
+            ([-1.0; 3], [1.0; 3], 0.0),
+            ([3.0, 4.0, -1.0], [9.0, 9.0, 1.0], 5.0),
+            ([-9.0, -9.0, -1.0], [-3.0, -4.0, 1.0], 5.0),
+            ([-1.0, -1.0, 2.0], [1.0, 1.0, 3.0], 2.0),
+        ] {
+            assert_eq!(frustum.distance(&Aabb::from_arrays(min, max)), expected, "{min:?} to {max:?}");
+        }
+        for (x, size, angle) in [(100.0, 1.0, 0.5e-4), (-100.0, 2.0, 2e-4), (0.001, 1.0, 0.5)] {
+            let triangle = [[x, 0.0, 0.0], [x, size, 0.0], [x, 0.0, size]].map(Vec3::from);
+            let (found, distance) = frustum.appearance(DVec3::ZERO, [&triangle].into_iter());
+            assert!(found <= angle * 1.01, "a triangle of {size} m at {x}: {found} sr of {angle}");
+            assert!(x < 1.0 && x > 0.0 || found >= angle * 0.99, "a triangle of {size} m at {x}: {found} sr");
+            assert_eq!(distance, x.abs(), "the distance of the triangle at {x}");
+        }
     }
 
     /// No triangle is a back if the exact eye may be on the other side. The error of the eye is made large

@@ -42,7 +42,7 @@ use visibility_core::{
 pub struct Content {
     /// Start of each cell's list in `lists`, in bytes, then the end of the last list: one entry more than
     /// there are cells.
-    pub(crate) starts: Vec<u32>,
+    pub(crate) starts: Vec<usize>,
     /// Encoded object lists of all cells, one after another, in the format of the `layers` module.
     pub(crate) lists: Vec<u8>,
     /// For each cell, the share of rays along x, y and z that its objects stop, 0 to 255; then 1 if the cell
@@ -89,21 +89,22 @@ impl Content {
             |&(cell, object): &(u32, u32)| (cell as usize) < cells && scene.id_at(object as usize).is_some();
         let known = pairs.iter().copied().filter(is_known);
         let IndexLists { mut starts, mut items } = IndexLists::new(cells, known);
-        let max_count = starts.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0);
+        let counts = starts.windows(2).map(|pair| pair[1] - pair[0]);
+        let max_count = u32::try_from(counts.max().unwrap_or(0)).unwrap_or(u32::MAX);
         let (classes, far) = classes_of(scene);
         let mut lists = Vec::new();
         let mut side_count = 0;
         let mut held = Bits::new(scene.index_limit());
         for cell in 0..cells {
-            let list = &mut items[starts[cell] as usize..starts[cell + 1] as usize];
-            starts[cell] = lists.len() as u32;
+            let list = &mut items[starts[cell]..starts[cell + 1]];
+            starts[cell] = lists.len();
             for &mut object in &mut *list {
                 held.insert(object as usize);
             }
             side_count += push_list(&mut lists, list, &classes);
             cover[cell][3] = u8::from(!list.is_empty());
         }
-        starts[cells] = lists.len() as u32;
+        starts[cells] = lists.len();
         lists.shrink_to_fit();
         Self {
             starts,
@@ -146,7 +147,7 @@ impl Content {
     fn list(&self, cell: u32) -> &[u8] {
         let cell = cell as usize;
         let range = self.starts.get(cell).zip(self.starts.get(cell + 1));
-        range.and_then(|(&start, &end)| self.lists.get(start as usize..end as usize)).unwrap_or(&[])
+        range.and_then(|(&start, &end)| self.lists.get(start..end)).unwrap_or(&[])
     }
 
     /// Returns the objects of a cell, grouped by the axis side (plus or minus x, y or z) that they face.

@@ -142,6 +142,23 @@ mod tests {
         }
     }
 
+    /// A grid contains its lower faces, not its upper ones, and nothing outside.
+    #[test]
+    fn grids_contain_their_lower_faces() {
+        let grid = Grid { min: DVec3::ZERO, step: 1.0 };
+        let most = f64::from(STEPS);
+        for axis in 0..3 {
+            for (x, expected) in [(-1e-300, false), (0.0, true), (5.0, true), (most.next_down(), true)]
+                .into_iter()
+                .chain([(most, false), (2.0 * most, false), (f64::NAN, false)])
+            {
+                let mut point = DVec3::ONE;
+                point[axis] = x;
+                assert_eq!(grid.contains(point), expected, "{point}");
+            }
+        }
+    }
+
     #[test]
     fn cubes_are_wider_than_what_they_surround() {
         for bounds in [

@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 pub(crate) struct IndexLists {
     /// CSR offsets: the index in `items` of each list's first item, then the end of the last list. One entry
     /// more than there are lists.
-    pub(crate) starts: Vec<u32>,
+    pub(crate) starts: Vec<usize>,
     /// Items of all lists, in order of the list number.
     pub(crate) items: Vec<u32>,
 }
@@ -16,7 +16,7 @@ impl IndexLists {
     /// Makes `count` lists from `pairs` of a list number and an item. Items of one list keep the order of the
     /// pairs. Panics if a list number is `count` or more.
     pub(crate) fn new(count: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> Self {
-        let mut starts = alloc::vec![0u32; count + 1];
+        let mut starts = alloc::vec![0usize; count + 1];
         for (list, _) in pairs.clone() {
             starts[list as usize + 1] += 1;
         }
@@ -24,10 +24,10 @@ impl IndexLists {
             starts[list] += starts[list - 1];
         }
         let mut places = starts.clone();
-        let mut items = alloc::vec![0u32; starts[count] as usize];
+        let mut items = alloc::vec![0u32; starts[count]];
         for (list, item) in pairs {
             let place = &mut places[list as usize];
-            items[*place as usize] = item;
+            items[*place] = item;
             *place += 1;
         }
         Self { starts, items }
@@ -36,7 +36,7 @@ impl IndexLists {
     /// Returns the items of one list. Panics if `list` is not a list number.
     #[inline]
     pub(crate) fn get(&self, list: usize) -> &[u32] {
-        &self.items[self.starts[list] as usize..self.starts[list + 1] as usize]
+        &self.items[self.starts[list]..self.starts[list + 1]]
     }
 
     /// Returns the heap memory of the lists in bytes, without spare capacity.

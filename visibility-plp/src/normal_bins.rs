@@ -70,7 +70,7 @@ fn unit_normal(triangle: &Triangle) -> Option<DVec3> {
     // The cross product's error is about 1e-15 times the product of the edge lengths, so at most 1e-9 of the
     // lengths accepted here.
     let length = normal.length();
-    (length > 1e-6 * u.length() * v.length() && length.is_finite()).then(|| normal / length)
+    (length > 1e-6 * u.length() * v.length()).then(|| normal / length)
 }
 
 /// Returns the bin number of a unit normal, 0 to `BINS` - 1.
@@ -110,7 +110,7 @@ impl NormalBins {
             if let Some(normal) = single(id) {
                 let bin = &mut bins[marks[id.index()][0] as usize];
                 let away = (normal - DVec3::from_array(bin.normal.map(f64::from))).length();
-                bin.spread = bin.spread.max((away as f32).next_up());
+                bin.spread = bin.spread.max(away as f32);
             }
         }
         bins.resize(usize::from(NO_BIN) + 1, NormalBin { normal: [f32::NAN; 3], spread: f32::NAN });
@@ -169,9 +169,10 @@ impl NormalBins {
                 // n . a and (m - n) . (eye - a). The second term is at most the spread times the greatest
                 // distance. The spread is that of the computed m, which for slivers has an error of up to
                 // 1e-9: see `unit_normal`, which accepts at most half of that. Products with n are rounded by
-                // 1e-15 of the distance, and the spread was rounded up. Offsets in steps are rounded down by
-                // up to one step; the division by the step preserves order. An eye off by its error changes
-                // the offset by at most as much, and the second term by less than a thousandth of that.
+                // 1e-15 of the distance, and the spread by 2^-24 of at most `FLAT`. Offsets in steps are
+                // rounded down by up to one step; the division by the step preserves order. An eye off by its
+                // error changes the offset by at most as much, and the second term by less than a thousandth
+                // of that.
                 let sure = ((f64::from(bin.spread) + 1e-9) * farthest + 1.001 * eye_error) / self.step + 1.0;
                 *of_bin = [offset / self.step, sure];
             }
@@ -211,7 +212,8 @@ impl NormalBins {
         let middle = n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
         // Let m be the triangle's normal and q a point of the triangle in the box. Then m . (eye - q) is the
         // sum of n . (eye - center), n . (center - q) and (m - n) . (eye - q). The last term is at most the
-        // spread times the distance from the eye to the farthest point of the box. A dozen f32 operations are
+        // spread, which is rounded by 2^-24, times the distance from the eye to the farthest point of the
+        // box. A dozen f32 operations are
         // each rounded by 2^-24 of at most twice that distance: less than 2e-6 of the distance in all.
         let reach = n[0].abs() * h[0] + n[1].abs() * h[1] + n[2].abs() * h[2];
         let reach = reach + (spread + 1e-5) * cell.farthest + f32::MIN_POSITIVE;
@@ -278,7 +280,8 @@ mod tests {
     use super::*;
     use crate::test_exact::{Random, RandomExact, cross, dot, fine, minus};
     use visibility_core::Object;
-    use visibility_core::glam::Vec3;
+    use visibility_core::glam::{DAffine3, Vec3};
+    use visibility_core::scene::SharedTriangles;
 
     /// Triangles of all directions, each through a point of a box, and near and far eyes: a front or back
     /// reported by `eye_side` never contradicts the exact side.
@@ -538,7 +541,7 @@ mod tests {
         assert!(bins.flat_bin(bins.marks[0][0]).is_none(), "the bin of both triangles is not flat");
         for (z, side) in [(-1.0, EyeSide::Back), (1.0, EyeSide::Front)] {
             for eye in [Eye::Point(DVec3::Z * z), Eye::Direction(DVec3::Z * -z)] {
-                for error in [0.0, 0.4, 2.0, f64::INFINITY, f64::NAN] {
+                for error in [0.0, 0.4, 1.5, f64::INFINITY, f64::NAN] {
                     let mut offsets = Vec::new();
                     bins.eye_offsets(eye, error, &cell, &mut offsets);
                     let toward = BoxFromEye::new(eye, error, &cell);
@@ -550,6 +553,80 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Two floors, and eyes 1 m below or above one of them: the side is known only if the error of the eye is
+    /// less, which offsets of planes in steps of less than 0.1 mm do not hide.
+    #[test]
+    fn the_error_of_the_eye_leaves_its_side_of_floors_unknown() {
+        let mut scene = Scene::new();
+        for z in [0.0, 5.0] {
+            let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p + Vec3::Z * z);
+            let id = scene.insert(Object::new(Aabb::from_points(triangle)));
+            scene.set_triangles(id, [triangle]).unwrap();
+        }
+        let bins = NormalBins::new(&scene);
+        assert!(bins.flat_bin(bins.marks[0][0]).is_some(), "the bin of both floors is flat");
+        let mut offsets = Vec::new();
+        for (z, side) in [(-1.0, EyeSide::Back), (1.0, EyeSide::Front)] {
+            let eye = Eye::Point(DVec3::Z * z);
+            for error in [0.0, 0.4, 1.5] {
+                // The far end of the bounds counts on either side of the origin.
+                for bounds in [[[0.0; 3], [5.0; 3]], [[-5.0; 3], [0.0; 3]]] {
+                    let bounds = Aabb::from_arrays(bounds[0], bounds[1]);
+                    bins.eye_offsets(eye, error, &bounds, &mut offsets);
+                    let [_, sure] = offsets[usize::from(bins.marks[0][0])];
+                    let least = 0.99e-9 * (1.0 + 5.0 * 3f64.sqrt()) / bins.step + 1.0;
+                    assert!(sure >= least, "{bounds:?}: sure from {sure} steps of {least}");
+                    let told = bins.eye_side(0, &BoxFromEye::new(eye, error, &bounds), &offsets);
+                    let expected = if error < 1.0 { side } else { EyeSide::Unknown };
+                    assert_eq!(told, expected, "{eye:?}, {error} m off, {bounds:?}");
+                }
+            }
+        }
+    }
+
+    /// Slivers from those that have a normal to those that have none: a normal is right to nine digits.
+    #[test]
+    fn normals_of_slivers_are_right_or_missing() {
+        let mut random = Random(64);
+        let (mut found, mut missing) = (0, 0);
+        for round in 0..30_000 {
+            let a = random.integers(1 << 14);
+            let b = random.integers(1 << 22);
+            let beside = random.integers(1 << (1 + round % 6));
+            let c = [0, 1, 2].map(|i| (b[i] / 2 + beside[i]) << 14);
+            let b = b.map(|x| x << 14);
+            let exact = cross(minus(b, a), minus(c, a));
+            let exact = DVec3::from_array(exact.map(|x| x as f64)).normalize_or_zero();
+            match unit_normal(&[a, b, c].map(|p| fine(p).as_vec3())) {
+                Some(normal) => {
+                    let off = (normal - exact).length();
+                    assert!(off < 1e-9, "{a:?} {b:?} {c:?}: the normal is off by {off}");
+                    found += 1;
+                }
+                None => missing += 1,
+            }
+        }
+        assert!(found > 5_000 && missing > 500, "{found} {missing}");
+    }
+
+    /// A triangle that rounding may have mirrored has no certain front.
+    #[test]
+    fn triangles_without_a_certain_front_have_no_side() {
+        let is_without_bin = |scale: f64| {
+            let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+            let mut scene = Scene::new();
+            let id = scene.insert(Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3])));
+            let placed = DAffine3::from_scale(DVec3::new(1.0, 1.0, scale));
+            scene.set_triangles(id, SharedTriangles::from([triangle]).placed(placed)).unwrap();
+            let bins = NormalBins::new(&scene);
+            bins.marks[id.index()][0] == NO_BIN
+        };
+        assert!(
+            !is_without_bin(1.0) && is_without_bin(0.0),
+            "a triangle placed as it is, and one that may be mirrored"
+        );
     }
 
     #[test]

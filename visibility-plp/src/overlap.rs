@@ -192,6 +192,7 @@ mod tests {
     use super::*;
     use crate::grid::{Grid, STEPS};
     use crate::test_exact::{IntVector, Random, RandomExact, cross, dot, fine, minus, within};
+    use alloc::vec::Vec;
     use visibility_core::Aabb;
     use visibility_core::glam::Vec3;
 
@@ -269,9 +270,11 @@ mod tests {
             let q = random.integers(1 << 16);
             let (u, v) = (random.integers(1 << 16), random.integers(1 << 16));
             let normal = cross(u, v);
+            // The tetrahedron lies on either side of the triangle.
+            let side = if rounds % 2 == 0 { 1 } else { -1 };
             let others = [(); 3].map(|()| {
                 let w = random.integers(1 << 16);
-                if dot(normal, w) < 0 { w.map(|x| -x) } else { w }
+                if dot(normal, w) * i128::from(side) < 0 { w.map(|x| -x) } else { w }
             });
             if dot(cross(others[0], others[1]), others[2]) == 0 || others.iter().any(|&w| dot(normal, w) == 0)
             {
@@ -289,11 +292,99 @@ mod tests {
             let solid =
                 Tetrahedron::new([corner([0; 3]), corner(others[0]), corner(others[1]), corner(others[2])]);
             assert!(shape_meets_tetrahedron(&Shape::Triangle(triangle), &solid), "{triangle:?} {solid:?}");
-            let away = DVec3::from_array(normal.map(|x| x as f64)).normalize() * 0.1;
+            let away = DVec3::from_array(normal.map(|x| x as f64)).normalize() * (0.1 * side as f64);
             apart +=
                 u32::from(!shape_meets_tetrahedron(&Shape::Triangle(triangle.map(|p| p - away)), &solid));
         }
         assert!(apart > 19_000, "{apart}");
+    }
+
+    /// Returns whether some of a triangle is left after clipping it by half-spaces `normal . p <= offset`.
+    fn is_left(triangle: &[DVec3; 3], half_spaces: &[(DVec3, f64)]) -> bool {
+        let mut polygon = triangle.to_vec();
+        for &(normal, offset) in half_spaces {
+            let mut kept = Vec::new();
+            for (i, &p) in polygon.iter().enumerate() {
+                let q = polygon[(i + 1) % polygon.len()];
+                let (a, b) = (normal.dot(p) - offset, normal.dot(q) - offset);
+                if a <= 0.0 {
+                    kept.push(p);
+                }
+                if (a < 0.0 && b > 0.0) || (a > 0.0 && b < 0.0) {
+                    kept.push(p.lerp(q, a / (a - b)));
+                }
+            }
+            polygon = kept;
+        }
+        !polygon.is_empty()
+    }
+
+    /// Returns the half-spaces of a box, moved outwards by `by`.
+    fn box_sides(min: DVec3, max: DVec3, by: f64) -> Vec<(DVec3, f64)> {
+        DVec3::AXES.iter().flat_map(|&n| [(n, n.dot(max) + by), (-n, by - n.dot(min))]).collect()
+    }
+
+    /// Returns the half-spaces of a tetrahedron, moved outwards by `by`.
+    fn tetrahedron_sides(corners: &[DVec3; 4], by: f64) -> Vec<(DVec3, f64)> {
+        let side = |face: usize| {
+            let [a, b, c] = [1, 2, 3].map(|i| corners[(face + i) % 4]);
+            let normal = (b - a).cross(c - a).normalize();
+            let normal = if normal.dot(corners[face] - a) > 0.0 { -normal } else { normal };
+            (normal, normal.dot(a) + by)
+        };
+        (0..4).map(side).collect()
+    }
+
+    /// Random triangles, boxes and tetrahedra: those that meet by clipping meet, and those that clipping
+    /// finds apart by more than the tolerances are apart.
+    #[test]
+    fn overlaps_are_those_of_clipping() {
+        let mut random = Random(23);
+        let mut counts = [[0; 2]; 5];
+        let mut told = |kind: usize, meets: bool, expected: [bool; 2], what: &dyn core::fmt::Debug| {
+            // Clipped by what is a little smaller and a little larger.
+            let [smaller, larger] = expected;
+            if smaller || !larger {
+                assert_eq!(meets, smaller, "kind {kind}: {what:?}");
+                counts[kind][usize::from(meets)] += 1;
+            }
+        };
+        for round in 0..40_000 {
+            let size = [1.0, 4.0][round % 2];
+            let mut point = |size: f64| DVec3::new(random.float(), random.float(), random.float()) * size;
+            let (offset, half) = (point(6.0 * size), point(3.0).abs() + 0.1);
+            let triangle = [(); 3].map(|()| offset + point(4.0 * size));
+            let center = point(2.0);
+            let clipped =
+                [-0.01, 0.01].map(|by| is_left(&triangle, &box_sides(center - half, center + half, by)));
+            told(0, triangle_meets_box(&triangle, center, half), clipped, &(triangle, center, half));
+            let corners = [(); 4].map(|()| point(4.0));
+            let solid = Tetrahedron::new(corners);
+            if solid.normals.iter().zip(corners).any(|(n, p)| (n.dot(p) - n.dot(center)).abs() < 0.05) {
+                continue;
+            }
+            let clipped = [-0.01, 0.01].map(|by| is_left(&triangle, &tetrahedron_sides(&corners, by)));
+            let shape = Shape::Triangle(triangle);
+            told(1, shape_meets_tetrahedron(&shape, &solid), clipped, &(triangle, corners));
+            // A box meets a tetrahedron if a face of the one meets the other, or a corner is inside.
+            let (min, max) = (offset - half, offset + half);
+            let clipped = [-0.01, 0.01].map(|by| {
+                let sides = box_sides(min, max, by);
+                let inside = tetrahedron_sides(&corners, by).iter().all(|(n, at)| n.dot(offset) <= *at);
+                let face = |face: usize| [1, 2, 3].map(|i| corners[(face + i) % 4]);
+                inside || (0..4).any(|i| is_left(&face(i), &sides))
+            });
+            let shape = Shape::Solid(min, max);
+            told(2, shape_meets_tetrahedron(&shape, &solid), clipped, &(min, max, corners));
+            // Two boxes, of which one is a cube.
+            let gap = ((center - offset).abs() - half - 2.0).max_element();
+            let meets = shape_meets_cube(&shape, center, 2.0);
+            told(3, meets, [gap < -0.01, gap < 0.01], &(min, max, center));
+            let gap = ((center - offset).abs() - half + 0.3).max_element();
+            let contains = shape_contains_cube(&shape, center, 0.3);
+            told(4, contains, [gap < -0.01, gap < 0.01], &(min, max, center));
+        }
+        assert!(counts.as_flattened().iter().all(|&count| count > 100), "{counts:?}");
     }
 
     /// Flat boxes and triangles within one f32 step of the rounded face between two cells: at least one of

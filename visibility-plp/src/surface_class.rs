@@ -137,8 +137,8 @@ fn side_of(u: DVec3, v: DVec3) -> (u8, MaxLean) {
     let side = axis as u8 * 2 + u8::from(normal[axis] < 0.0);
     let lean = size[(axis + 1) % 3].max(size[(axis + 2) % 3]) / size[axis];
     // The normal's error is about 1e-15 times the product of the edge lengths, so at most 1e-8 of the lengths
-    // accepted here.
-    let known = size[axis] > 1e-7 * u.length() * v.length() && size[axis] < f64::INFINITY;
+    // accepted here. Where the product overflows, so do the lengths, and nothing is known.
+    let known = size[axis] > 1e-7 * u.length() * v.length();
     let steps = (lean - 1e-7).max(0.0) * f64::from(LEAN_AT_45_DEGREES);
     // Casts round towards zero.
     (side, if known { steps as u8 + u8::from(steps > f64::from(steps as u8)) } else { UNKNOWN_LEAN })
@@ -216,6 +216,29 @@ mod tests {
             }
         }
         assert!(behind > 500 && leaning > 200, "{behind} {leaning}");
+    }
+
+    /// Normals along an axis lean by nothing; normals that are NaN, infinite or nothing have no side that is
+    /// told.
+    #[test]
+    fn normals_at_their_limits_have_a_side_or_none() {
+        assert_eq!(side_of(DVec3::X, DVec3::Y), (4, 0), "a normal along z");
+        assert_eq!(side_of(DVec3::Y, DVec3::X), (5, 0), "a normal against z");
+        assert_eq!(side_of(DVec3::X, DVec3::X), (ANY_SIDE, UNKNOWN_LEAN), "no normal");
+        assert_eq!(side_of(DVec3::NAN, DVec3::X), (ANY_SIDE, UNKNOWN_LEAN), "a normal of NaN");
+        let [u, v] = [DVec3::new(1.3, 1.3, 0.0), DVec3::new(-1.4, 1.4, 0.0)].map(|p| p * 1e154);
+        assert_eq!(side_of(u, v).1, UNKNOWN_LEAN, "a normal that overflows");
+    }
+
+    /// The mean of equal classes is that class, and the mean of none has no area.
+    #[test]
+    fn means_are_those_of_their_classes() {
+        let class = SurfaceClass { area: class_of(2.5), side: 3, openness: 20 };
+        assert_eq!(SurfaceClass::mean([class; 8].into_iter()), class, "eight equal classes");
+        let other = SurfaceClass { side: 4, openness: 10, ..class };
+        let mean = SurfaceClass::mean([class, other].into_iter());
+        assert_eq!((mean.side, mean.openness), (ANY_SIDE, 15), "two classes of different sides");
+        assert_eq!(SurfaceClass::mean([].into_iter()).area, 0, "no class");
     }
 
     /// Slivers whose normals are lost in rounding, wholly or partly: a reported side and lean always agree

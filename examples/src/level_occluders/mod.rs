@@ -28,13 +28,13 @@ fn stands_still(world: &World, id: ObjectId) -> bool {
 /// # Errors
 ///
 /// Returns a message with the path if the file cannot be read, is damaged, or was made from another version
-/// of the level, with other triangles, hints or units.
+/// of the level, with other triangles, hints or units, or of other objects.
 pub fn read(path: &Path, world: &World) -> Result<LevelOccluders, String> {
     let named = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
     let bytes = ordinary_file::read(path).map_err(|error| named(&error))?;
     let level = LevelOccluders::from_bytes(&bytes, Some(level_version(&world.scene)));
     let level = level.map_err(|error| named(&error))?;
-    Ok(level.with_objects_of(&world.scene, |id| stands_still(world, id)))
+    level.with_objects_of(&world.scene, |id| stands_still(world, id)).map_err(|error| named(&error))
 }
 
 #[cfg(test)]

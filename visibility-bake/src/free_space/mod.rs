@@ -192,3 +192,43 @@ impl Grid {
         Ok(all)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Object};
+
+    /// Number of calls of [`stop`] so far.
+    static CALLS: AtomicU32 = AtomicU32::new(0);
+    /// Number of calls of [`stop`] that return false.
+    static ALLOWED: AtomicU32 = AtomicU32::new(u32::MAX);
+
+    fn stop() -> bool {
+        CALLS.fetch_add(1, Ordering::Relaxed) >= ALLOWED.load(Ordering::Relaxed)
+    }
+
+    /// The stop function is asked for each box after the flood too.
+    #[test]
+    fn viewcells_are_stopped_after_the_flood() {
+        let corners = [[-99.0, -99.0], [99.0, -99.0], [0.0, 99.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
+        let mut scene = Scene::new();
+        let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(corners)) });
+        scene.set_triangles(id, [corners]).unwrap();
+        let grid = Grid::new(DVec3::ZERO, DVec3::splat(2.0)).unwrap().with_stop(stop);
+        let (eye, camera, ends) =
+            (DVec3::new(1.0, 1.0, 1.7), CameraRange::default(), [DVec3::ZERO, DVec3::new(8.0, 2.0, 2.0)]);
+        let solids = SolidTriangles::new(&grid, &scene, &camera, ends).unwrap();
+        let mut flood = Flood::new(&solids);
+        flood.start(eye).unwrap();
+        let boxes = flood.run().unwrap().len() as u32;
+        assert_eq!(boxes, 4, "boxes of the flood");
+        let of_flood = CALLS.swap(0, Ordering::Relaxed);
+        let free = || grid.free(&scene, &[eye], &camera, ends[0], ends[1]).map(|cells| cells.len() as u32);
+        assert_eq!(free(), Ok(boxes), "viewcells");
+        assert_eq!(CALLS.swap(0, Ordering::Relaxed), of_flood + boxes, "calls with those after the flood");
+        ALLOWED.store(of_flood + 1, Ordering::Relaxed);
+        assert_eq!(free(), Err(GridError::Stopped), "stopped at the second box after the flood");
+    }
+}

@@ -86,7 +86,7 @@ impl Proof {
 
 /// Greatest depth of a node in the tree of nodes that belongs to a pair of polygons, whose root has depth 0.
 /// A proof with a deeper node is refused.
-const DEPTH: usize = 400;
+pub(crate) const DEPTH: usize = 400;
 
 impl Check<'_> {
     fn node(&mut self, sight: &Sight, rows: &mut Vec<Divider>, depth: usize) -> Result<(), ProofError> {

@@ -35,7 +35,7 @@ impl Check<'_> {
             return false;
         }
         let Some(normal) = unit_normal(first) else { return false };
-        let flat = corners.iter().flatten().all(|x| normal.dot(*x - first[0]).abs() <= 3.0 * self.delta);
+        let flat = corners.iter().flatten().all(|x| normal.dot(*x - first[0]).abs() <= self.delta);
         // Sides that two triangles share cancel. The corners of all triangles must be on the inner side of
         // each other side.
         let mut sides: BTreeMap<[u32; 2], [DVec3; 2]> = BTreeMap::new();
@@ -50,7 +50,7 @@ impl Check<'_> {
         }
         let is_convex = sides.values().all(|[a, b]| {
             let inwards = normal.cross(*b - *a).normalize_or_zero();
-            corners.iter().flatten().all(|x| inwards.dot(*x - *a) >= -3.0 * self.delta)
+            corners.iter().flatten().all(|x| inwards.dot(*x - *a) >= -self.delta)
         });
         let reach = 3.0 * self.clearance + 2.0 * self.delta;
         let is_near = |x: DVec3| corners.iter().any(|t| distance(x, t) <= reach);

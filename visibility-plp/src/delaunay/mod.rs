@@ -16,6 +16,7 @@ use crate::shape::{Shape, for_each_shape};
 use crate::tessellation::{Face, Tessellation};
 use alloc::vec::Vec;
 pub(crate) use predicates::Point;
+use predicates::{is_beyond, sub_point};
 pub(crate) use triangulate::NONE;
 use triangulate::{Mesh, find_cell};
 use visibility_core::glam::DVec3;
@@ -153,13 +154,13 @@ impl DelaunayTessellation {
     }
 
     /// Returns a cell that contains a point, by walking from the cell `start` towards the point. `point` is
-    /// in steps of the fine grid, relative to the grid's minimum corner. `None` for a point outside of the
-    /// tessellation's cube.
+    /// in steps of the fine grid, relative to the grid's minimum corner. It is rounded by less than 2^-32 of
+    /// a step along each axis, far less than the tolerances of all who use the cell; the walk is exact.
+    /// `None` for a point outside of the tessellation's cube.
     fn find_cell(&self, point: DVec3, start: u32) -> Option<u32> {
-        // Corners are integers of at most 2^17, so rounding changes the product by less than 2. A product of
-        // 64 is a hundredth of a step beyond a face of the smallest cells.
-        let is_inverted = |[a, b, c, d]: [DVec3; 4]| (b - a).cross(c - a).dot(d - a) < -64.0;
-        find_cell(&self.neighbours, start, point, |cell| self.fine_corners(cell), is_inverted)
+        let point = sub_point(point.to_array());
+        let corners = |cell: u32| self.cells[cell as usize].map(|vertex| self.points[vertex as usize]);
+        find_cell(&self.neighbours, start, |cell, face| is_beyond(corners(cell), face, point))
     }
 
     /// Assigns every object to all cells that it meets. For each shape, a cell that contains a corner of the
@@ -175,11 +176,15 @@ impl DelaunayTessellation {
         let (mut stack, mut number, mut start) = (Vec::new(), 0u32, 0);
         for id in scene.ids() {
             let object = id.index() as u32;
+            let (before, mut leaves_cube) = (pairs.len(), false);
             for_each_shape(scene, id, &mut |shape| {
                 number += 1;
                 let shape = shape.map(|p| self.to_fine(p));
                 // The cell of one corner, searched from that of the shape before, which is usually near.
-                let Some(first) = self.find_cell(shape.corner(), start) else { return };
+                let Some(first) = self.find_cell(shape.corner(), start) else {
+                    leaves_cube = true;
+                    return;
+                };
                 start = first;
                 stack.push(first);
                 visited[first as usize] = number;
@@ -210,6 +215,10 @@ impl DelaunayTessellation {
                     }
                 }
             });
+            // An object of which a shape is in no cell becomes a stray, in no cell at all.
+            if leaves_cube {
+                pairs.truncate(before);
+            }
         }
         let shares = cover.iter().zip(&solids).map(|(cover, solid)| cover.shares(solid.filled())).collect();
         Content::new(scene, &pairs, shares)
@@ -271,5 +280,119 @@ impl Tessellation for DelaunayTessellation {
 
     fn boundary(&self) -> &[u32] {
         &self.boundary
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cell_frustum::CellFrustum;
+    use crate::test_exact::Random;
+    use visibility_core::{Object, Pose, View};
+
+    /// Adds an object of some triangles, in metres.
+    fn add(scene: &mut Scene, triangles: &[[DVec3; 3]]) {
+        let triangles: Vec<_> = triangles.iter().map(|corners| corners.map(|p| p.as_vec3())).collect();
+        let bounds = Aabb::from_points(triangles.iter().flatten().copied());
+        let id = scene.insert(Object::new(bounds));
+        scene.set_triangles(id, triangles).unwrap();
+    }
+
+    /// Cells around a block of 10 by 10 by 3 leaves that are as small as leaves can be, of a metre, in the
+    /// middle of a scene of a kilometre.
+    fn smallest_cells() -> DelaunayTessellation {
+        let mut random = Random(51);
+        let mut scene = Scene::new();
+        for end in [-1.0, 1.0] {
+            add(&mut scene, &[[0.0, 1.0, 2.0].map(|x| DVec3::splat(end * (512.0 / 1.02 - x)))]);
+        }
+        for leaf in 0..300 {
+            let at = DVec3::from_array([leaf % 10, leaf / 10 % 10, leaf / 100].map(f64::from));
+            add(&mut scene, &[[(); 3].map(|()| at + DVec3::splat(0.5) + random.fine_vector(0.4))]);
+        }
+        let cells = DelaunayTessellation::from_scene(&scene, Fineness { vertices: 2, halvings: 10 });
+        assert!((cells.grid.step - 1.0).abs() < 1e-3, "{:?}", cells.grid);
+        cells
+    }
+
+    /// Calls `each` for faces of the smallest cells with the centre of the cell, a point 0.001 to 0.01 steps
+    /// of the fine grid beyond the face, and the face's outward normal. In metres.
+    fn for_points_beyond_faces(cells: &DelaunayTessellation, mut each: impl FnMut(DVec3, DVec3, DVec3)) {
+        let mut random = Random(52);
+        let mut count = 0;
+        for cell in 0..cells.cells.len() as u32 {
+            let corners = cells.corners(cell);
+            if Tetrahedron::new(corners).half().max_element() > 1.5 {
+                continue;
+            }
+            cells.for_each_face(cell, &|_| true, &mut |face| {
+                for height in [1e-3, 4e-3, 1e-2] {
+                    let on = [1, 2, 3].map(|i| {
+                        let weight = random.fine_range(0.1, 1.0);
+                        let is_of_face = |p: &&DVec3| (**p - face.point).dot(face.normal).abs() < 1e-9;
+                        let of_face = corners.iter().filter(is_of_face).nth(i - 1);
+                        (of_face.copied().unwrap_or(face.point) * weight, weight)
+                    });
+                    let middle = on.iter().map(|p| p.0).sum::<DVec3>() / on.iter().map(|p| p.1).sum::<f64>();
+                    let step = cells.grid.step / f64::from(FINE_PER_STEP);
+                    each(cells.center(cell), middle + face.normal * (height * step), face.normal);
+                    count += 1;
+                }
+            });
+        }
+        assert!(count > 20_000, "{count}");
+    }
+
+    /// Triangles that begin just beyond a face of a cell and lead away from the cell are in some cell, though
+    /// the search for the cell of their corner begins in the cell that they do not meet.
+    #[test]
+    fn triangles_just_beyond_a_face_are_in_a_cell() {
+        let cells = smallest_cells();
+        let (mut random, mut scene) = (Random(53), Scene::new());
+        for_points_beyond_faces(&cells, |center, corner, outwards| {
+            add(&mut scene, &[[(); 3].map(|()| center)]);
+            add(
+                &mut scene,
+                &[[0.0, 0.2, 0.2].map(|size| {
+                    let away = random.fine_vector(size);
+                    corner + away * away.dot(outwards).signum()
+                })],
+            );
+        });
+        let content = cells.assign_objects(&scene);
+        assert_eq!(content.strays(), [], "triangles in no cell, of {}", scene.len());
+    }
+
+    /// View rays may leave the eye's cell through every face that the eye is beyond by rounding.
+    #[test]
+    fn eyes_may_leave_their_cell_through_the_faces_they_are_beyond() {
+        let cells = smallest_cells();
+        let mut beyond = 0;
+        for_points_beyond_faces(&cells, |_, eye, _| {
+            let view = View::perspective(Pose::look_at(eye, DVec3::ZERO, DVec3::Z), 1.0, 1.0, 0.1, 100.0);
+            let frustum = CellFrustum::new(&view.unwrap(), DVec3::ZERO, &cells.bounds());
+            let cell = cells.locate(eye).unwrap();
+            cells.for_each_face(cell, &|_| true, &mut |face| {
+                assert!(
+                    (eye - face.point).dot(face.normal) <= 0.0
+                        || frustum.may_exit_through(face.point, face.normal),
+                    "the eye at {eye} is in cell {cell}, beyond a face"
+                );
+                beyond += 1;
+            });
+        });
+        assert!(beyond > 50_000, "{beyond}");
+    }
+
+    /// An object with one of its triangles outside of the tessellation's cube is in no cell.
+    #[test]
+    fn objects_that_leave_the_cube_are_strays() {
+        let cells = smallest_cells();
+        let mut scene = Scene::new();
+        let triangle = |x: f64| [DVec3::X * x, DVec3::X * x + DVec3::Y, DVec3::X * x + DVec3::Z];
+        add(&mut scene, &[triangle(0.0), triangle(9.0)]);
+        add(&mut scene, &[triangle(0.0), triangle(900.0), triangle(9.0)]);
+        let content = cells.assign_objects(&scene);
+        assert_eq!(content.strays(), [scene.id_at(1).unwrap()], "the object that leaves the cube");
     }
 }

@@ -107,8 +107,12 @@ impl Mesh {
     /// changed, if a new cell would be flat or the point lies outside of the cube. The search begins at the
     /// cell `start`, which should be near the point.
     fn insert(&mut self, point: Point, start: u32) -> Option<u32> {
-        let corners_of = |cell: u32| self.corners(&self.cells[cell as usize]);
-        let first = find_cell(&self.neighbours, start, point, corners_of, |solid| volume(solid) < 0)?;
+        let is_beyond = |cell: u32, face: usize| {
+            let mut solid = self.corners(&self.cells[cell as usize]);
+            solid[face] = point;
+            volume(solid) < 0
+        };
+        let first = find_cell(&self.neighbours, start, is_beyond)?;
         // Bowyer-Watson: the cavity is the cells whose circumscribed sphere contains the point. Its boundary
         // faces are joined with the point to new cells.
         let mut cavity = alloc::vec![first];
@@ -168,7 +172,7 @@ impl Mesh {
             let mut around = [NONE; 4];
             around[face] = outer;
             if outer != NONE
-                && let Some(back) = self.back(outer, &cell, vertex)
+                && let Some(back) = self.back(outer, &cell)
             {
                 self.neighbours[outer as usize][back] = place;
             }
@@ -193,36 +197,27 @@ impl Mesh {
     }
 
     /// Returns the face that the kept cell `outer` shares with a new cell: the index, 0 to 3, of the corner
-    /// of `outer` opposite of the face. `cell` holds the corners of the new cell, and `vertex` is the new
-    /// point. `None` if all corners are shared.
-    fn back(&self, outer: u32, cell: &[u32; 4], vertex: u32) -> Option<usize> {
-        let shared = |v: u32| v != vertex && cell.contains(&v);
-        self.cells[outer as usize].iter().position(|&v| !shared(v))
+    /// of `outer` opposite of the face. `cell` holds the corners of the new cell. `None` if all corners are
+    /// shared.
+    fn back(&self, outer: u32, cell: &[u32; 4]) -> Option<usize> {
+        self.cells[outer as usize].iter().position(|v| !cell.contains(v))
     }
 }
 
 /// Returns a cell of a triangulation that contains a point, by walking from the cell `start` towards the
-/// point. `corners_of` returns the corners of a cell. `is_inverted` tests whether a tetrahedron, a cell of
-/// which the point replaces one corner, has negative volume: the point then lies beyond the face opposite of
-/// that corner. `None` for a point outside of all cells.
-pub(crate) fn find_cell<P: Copy>(
+/// point. `is_beyond` tests exactly whether the point lies strictly beyond a face of a cell, given the cell
+/// and the index, 0 to 3, of the corner opposite of the face. `None` for a point outside of all cells.
+pub(crate) fn find_cell(
     neighbours: &[[u32; 4]],
     start: u32,
-    point: P,
-    corners_of: impl Fn(u32) -> [P; 4],
-    is_inverted: impl Fn([P; 4]) -> bool,
+    is_beyond: impl Fn(u32, usize) -> bool,
 ) -> Option<u32> {
     let mut cell = start;
     // A walk through a Delaunay triangulation never returns to a cell. The limit ends walks through other
     // triangulations.
     for step in 0..neighbours.len() + 4 {
-        let corners = corners_of(cell);
-        let is_beyond = |face: &usize| {
-            let mut solid = corners;
-            solid[*face] = point;
-            is_inverted(solid)
-        };
-        let Some(face) = (0..4).map(|i| (i + step) % 4).find(is_beyond) else { return Some(cell) };
+        let mut faces = (0..4).map(|i| (i + step) % 4);
+        let Some(face) = faces.find(|&face| is_beyond(cell, face)) else { return Some(cell) };
         cell = neighbours[cell as usize][face];
         if cell == NONE {
             break;
@@ -307,6 +302,29 @@ mod tests {
             check(&mesh, 1 << 16, false);
         }
         assert!(gaps > 1, "{gaps}");
+    }
+
+    /// A point in a face between two cells is inserted. A point on the surface of the cube, with which a cell
+    /// would be flat, is not, nor is a point outside or one that is a vertex.
+    #[test]
+    fn points_in_faces_are_inserted_unless_a_cell_would_be_flat() {
+        for (point, expected) in [
+            ([4, 4, 2], true),
+            ([4, 4, 4], true),
+            ([4, 3, 2], true),
+            ([4, 0, 2], false),
+            ([4, 0, 0], false),
+            ([8, 8, 8], false),
+            ([4, 9, 2], false),
+            ([-1, 4, 4], false),
+        ] {
+            for start in 0..6 {
+                let mut mesh = Mesh::cube(8);
+                assert_eq!(mesh.insert(point, start).is_some(), expected, "{point:?}, from cell {start}");
+                mesh.close_gaps();
+                check(&mesh, 8, true);
+            }
+        }
     }
 
     #[test]

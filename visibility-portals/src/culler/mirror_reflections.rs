@@ -10,7 +10,7 @@ use super::outline::Outline;
 use super::portal_stats::{NotCulled, PortalStats};
 use super::portal_walk::{Narrowing, PortalWalk, SeenMirror};
 use super::scene_cells::SceneCells;
-use super::view_planes::PortalView;
+use super::view_planes::{Lines, PortalView};
 use super::walked_scene::WalkedScene;
 use super::window_plane::{U, WindowPlane};
 use alloc::vec::Vec;
@@ -241,12 +241,19 @@ fn reflect_side(side: &WindowPlane, plane: &Plane, from: &PortalView, to: &Porta
     let turned = side.plane.normal - n * (2.0 * n.dot(side.plane.normal));
     let anchor = from.anchor - n * (2.0 * plane.signed_distance(from.anchor));
     let size = from.anchor.abs().max_element() + plane.offset.abs();
-    let moved = (anchor - to.anchor).length() + 32.0 * U * size + to.error + from.error;
-    WindowPlane {
-        plane: Plane::new(turned, side.plane.offset),
-        slope: side.slope + 32.0 * U,
-        slack: side.slack + (1.0 + side.slope) * moved,
-    }
+    let shift = to.anchor - anchor;
+    let rounding = 32.0 * U * size + to.error + from.error;
+    let (offset, slack) = match to.lines {
+        // The anchors are eyes, and the plane passes through both.
+        Lines::FromAnchor => (side.plane.offset, (1.0 + side.slope) * (shift.length() + rounding)),
+        // Both views have one anchor, which may be far from its reflection.
+        Lines::Along(..) => {
+            let offset = side.plane.offset + turned.dot(shift);
+            let of_offset = 32.0 * U * (shift.length() + side.plane.offset.abs());
+            (offset, (1.0 + side.slope) * (rounding + of_offset) + side.slope * shift.length())
+        }
+    };
+    WindowPlane { plane: Plane::new(turned, offset), slope: side.slope + 32.0 * U, slack: side.slack + slack }
 }
 
 #[cfg(test)]
@@ -324,6 +331,40 @@ mod tests {
         }
     }
 
+    /// The plane of a window of a parallel view, reflected, holds the reflections of what it holds, and
+    /// nothing further out, though the view's anchor is not reflected.
+    #[test]
+    fn reflected_planes_of_parallel_views_hold_reflected_points_alone() {
+        let mut random = Random(4);
+        for trial in 0..10_000 {
+            let (normal, of_side) = (random.direction(), random.direction());
+            let slope = if trial % 2 == 0 { random.range(0.0, 0.2) } else { 0.0 };
+            let slack = random.range(0.0, 0.1);
+            let side = WindowPlane { plane: Plane::new(of_side, random.range(-99.0, 99.0)), slope, slack };
+            let plane = Plane::new(normal, random.range(-99.0, 99.0));
+            let view = |anchor| PortalView {
+                anchor,
+                error: 0.0,
+                lines: Lines::Along(DVec3::X, 0.0),
+                ..PortalView::new(&view_from(DVec3::ZERO)).unwrap()
+            };
+            let (from, to) = (view(random.vector(99.0)), view(random.vector(99.0)));
+            let reflected = reflect_side(&side, &plane, &from, &to);
+            // A point outside of the plane, by no more than its margin at the distance of the point.
+            let along = random.vector(99.0);
+            let flat = along - of_side * side.plane.signed_distance(along);
+            let at = flat - of_side * (side.margin(flat.length()) / (1.0 + slope));
+            let reflect = |p: DVec3| p - normal * (2.0 * plane.signed_distance(p));
+            let seen = reflect(from.anchor + at) - to.anchor;
+            let (height, margin) = (reflected.plane.signed_distance(seen), reflected.margin(seen.length()));
+            assert!(height >= -margin - 1e-9, "trial {trial}: {height} inside, {reflected:?} of {side:?}");
+            if slope == 0.0 {
+                let height = height + margin;
+                assert!(height < 1e-9, "trial {trial}: {height} more, {reflected:?} of {side:?}");
+            }
+        }
+    }
+
     /// Without other errors, rounding of the reflection moves no point of a plane to its outer side. Compared
     /// in double-double numbers.
     #[test]
@@ -355,6 +396,17 @@ mod tests {
             let exact = DoubleDouble::from(-x).plus(DoubleDouble::from(-2.0 * offset));
             let off = exact.plus(DoubleDouble::from(-mirrored)).hi.abs();
             assert!(moved.slack >= off, "trial {trial}: an anchor is off by {off}, {moved:?}");
+            // The offset of a plane far from the anchor of parallel views, moved by the little that the
+            // anchor is off its reflection.
+            let far = WindowPlane { plane: Plane::new(of_side, 1e6 * random.fine_unit()), ..side };
+            let near = DVec3::X * random.fine_unit();
+            let parallel = PortalView { lines: Lines::Along(DVec3::X, 0.0), ..eye(near) };
+            let moved = reflect_side(&far, &plane, &parallel, &parallel);
+            let twice = 2.0 * moved.plane.normal.x;
+            let shift = DoubleDouble::product(twice, near.x).plus(DoubleDouble::product(twice, offset));
+            let exact = shift.plus(DoubleDouble::from(far.plane.offset));
+            let off = exact.plus(DoubleDouble::from(-moved.plane.offset)).hi.abs();
+            assert!(moved.slack >= off, "trial {trial}: an offset is off by {off}, {moved:?}");
         }
     }
 }
