@@ -205,7 +205,7 @@ mod tests {
     }
 
     fn solid(shape: Shape, error: f64, open_below: f64) -> Solid {
-        Solid { shape, first: 0, count: 4, error, dent: 0.0, open_below, face: 1.0 }
+        Solid { shape, first: 0, count: 4, error, open_below, face: 1.0 }
     }
 
     /// Posts of a wall, or of a solid, whose near side is `x` metres away.
