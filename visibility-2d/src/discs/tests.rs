@@ -134,7 +134,10 @@ fn sectors_of_nearly_a_full_turn_see_all_around() {
         let middle = middle + f64::from(random.between(-2, 2)) * core::f64::consts::FRAC_PI_2;
         let half = core::f64::consts::PI;
         let [right, left] = [middle - half, middle + half].map(|a| [a.cos(), a.sin()]);
-        let [right, left] = [right, left].map(|v| v.map(|x| x * random.pick(&[1.0, 3.0, 0.7])));
+        let [right, left] = [right, left].map(|v| {
+            let length = random.pick(&[1.0, 3.0, 0.7]);
+            v.map(|x| x * length)
+        });
         // Powers of two change the lengths alone.
         let [p, q] = [0; 2].map(|_| 2f64.powi(random.pick(&[0, 1, -930, 900])));
         let seen = sees(right.map(|x| x * p), left.map(|x| x * q));
@@ -158,6 +161,9 @@ fn a_sector_whose_ends_are_too_thin_to_compare_sees_all() {
     let thin = [1.0, 1e-320];
     assert_eq!(look([1.0, 1e-310], thin), [0, 1], "two directions close to an axis");
     assert_eq!(look(thin, thin), [0u32; 0], "the same vector twice");
+    for [right, left] in [[[1.0, 0.0], [2.0, 0.0]], [[0.0, 3.0], [0.0, 1.0]], [[-1.0, -1.0], [-5.0, -5.0]]] {
+        assert_eq!(look(right, left), [0u32; 0], "two lengths of {right:?}");
+    }
 }
 
 #[test]
