@@ -138,7 +138,8 @@ fn sectors_of_nearly_a_full_turn_see_all_around() {
             let length = random.pick(&[1.0, 3.0, 0.7]);
             v.map(|x| x * length)
         });
-        // Powers of two change the lengths alone.
+        // Some ends are in the same direction. Powers of two change the lengths alone.
+        let left = if random.one_in(6) { right } else { left };
         let [p, q] = [0; 2].map(|_| 2f64.powi(random.pick(&[0, 1, -930, 900])));
         let seen = sees(right.map(|x| x * p), left.map(|x| x * q));
         let turned = turn(right, left);
