@@ -96,8 +96,8 @@ mod tests {
     fn moves(mesh: &OccluderMesh) -> Option<[f64; 8]> {
         let kernel = Kernel::new(mesh)?;
         let mut moves = [0.0; 8];
-        for vertex in 0..mesh.positions().len() {
-            moves[vertex] = kernel.nearest(vertex as u32)?.distance(mesh.positions()[vertex].as_dvec3());
+        for ((vertex, p), by) in (0..).zip(mesh.positions()).zip(&mut moves) {
+            *by = kernel.nearest(vertex)?.distance(p.as_dvec3());
         }
         Some(moves)
     }
