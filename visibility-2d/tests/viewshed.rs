@@ -484,8 +484,8 @@ impl From<Counted> for f64 {
     }
 }
 
-/// With cells much longer than wide, the samples that are read are those within the greatest distance and a few
-/// beside them, and the answers are those without a greatest distance.
+/// With cells much longer than wide, the samples that are read are those within the greatest distance and a
+/// few beside them, and the answers are those without a greatest distance.
 #[test]
 fn a_greatest_distance_bounds_the_samples_read_along_both_axes() {
     let mut random = Random(12);

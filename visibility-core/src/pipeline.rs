@@ -411,8 +411,8 @@ impl Pipeline {
     /// Makes later calls of `cull` use the view of the last frame and ignore the view passed to them, so that
     /// an engine can look at this view's visible objects from another viewpoint. Objects are culled with
     /// their current bounds. A stage that [asks the engine](crate::occlusion::HardwareQueries) about what is
-    /// drawn hides nothing meanwhile, since the answers are about the other viewpoint. Does nothing before the
-    /// first frame.
+    /// drawn hides nothing meanwhile, since the answers are about the other viewpoint. Does nothing before
+    /// the first frame.
     pub fn freeze(&mut self) {
         self.frozen = self.last;
     }

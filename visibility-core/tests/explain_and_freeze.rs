@@ -344,8 +344,8 @@ impl QueryDevice for OneSide {
     }
 }
 
-/// Answers from frames in which the camera looked elsewhere hide nothing, neither while the pipeline is frozen
-/// nor afterwards.
+/// Answers from frames in which the camera looked elsewhere hide nothing, neither while the pipeline is
+/// frozen nor afterwards.
 #[test]
 fn answers_about_another_view_than_the_frozen_one_hide_nothing() {
     for late in [LateAnswers::Visible, LateAnswers::Trusted { frames: 4 }] {

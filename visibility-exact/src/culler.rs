@@ -15,8 +15,8 @@ use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 ///
 /// Works on [`SceneTriangles`] collected from the scene. Nothing is removed if the scene has changed since or
 /// is another one, or if an occluder is on none of the [layers of all views](VisibleSet::common_layers) of
-/// the set, since such a view does not draw that occluder. Never-culled objects stay. The same viewcell, triangles and settings give the same answer on
-/// every machine.
+/// the set, since such a view does not draw that occluder. Never-culled objects stay. The same viewcell,
+/// triangles and settings give the same answer on every machine.
 ///
 /// A viewcell with [planes](Viewcell::planes) counts as its whole box. An object that is seen only from the
 /// part cut off by the planes may be kept: the accuracy is then conservative instead of exact.

@@ -17,9 +17,9 @@ use visibility_core::{
 /// After the budget is spent, the cells of the front (the priority queue of cells next to projected cells)
 /// are tested against the map, and so are objects that the budget left over. Hidden cells are dropped, and
 /// cells that can only be reached through hidden cells are never tested. The other cells are projected in
-/// full: their objects are kept, their occluders are added to the map, and their neighbours join the front. (A
-/// map with [delayed answers](OcclusionMap::answers_at_once) gets the occluders of the budget alone.)
-/// The frame ends when the front is empty.
+/// full: their objects are kept, their occluders are added to the map, and their neighbours join the front.
+/// (A map with [delayed answers](OcclusionMap::answers_at_once) gets the occluders of the budget alone.) The
+/// frame ends when the front is empty.
 ///
 /// As accurate as the map, at best conservative. A view ray to a visible point passes only through visible
 /// points, so no cell on its way is found hidden. An object is kept if any cell that the object meets is

@@ -111,8 +111,8 @@ fn no_ray_from_the_cell_reaches_what_is_hidden_from_its_parts() {
     );
 }
 
-/// Unions of the sets of two views with different layers: what a culler removes, no ray of either view reaches
-/// past the occluders that this view draws.
+/// Unions of the sets of two views with different layers: what a culler removes, no ray of either view
+/// reaches past the occluders that this view draws.
 #[test]
 fn no_ray_of_a_view_reaches_what_is_hidden_in_a_union_of_layers() {
     let (mut rng, mut removed) = (Random(21), 0);

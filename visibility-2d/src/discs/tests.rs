@@ -154,7 +154,8 @@ fn sectors_of_nearly_a_full_turn_see_all_around() {
     assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
 }
 
-/// Vectors of which one component underflows beside the other: the sector is not decided, and the view sees all.
+/// Vectors of which one component underflows beside the other: the sector is not decided, and the view sees
+/// all.
 #[test]
 fn a_sector_whose_ends_are_too_thin_to_compare_sees_all() {
     let discs = [[5.0, 0.0], [0.0, 5.0]].map(|center| Disc { center, radius: 1.0 });

@@ -47,8 +47,8 @@ impl DiscView {
 
     /// Restricts the view to the directions from `right` counter-clockwise to `left`. With vectors of equal
     /// direction, the view sees nothing. Whether `left` is clockwise of `right`, so that the sector is nearly
-    /// a full turn, is decided exactly. Vectors may have any length; if one is zero, infinite or NaN, the view
-    /// sees all directions.
+    /// a full turn, is decided exactly. Vectors may have any length; if one is zero, infinite or NaN, the
+    /// view sees all directions.
     pub fn with_sector(self, right: [f64; 2], left: [f64; 2]) -> Self {
         let is_known = |v: [f64; 2]| v.iter().all(|x| x.is_finite()) && v != [0.0; 2];
         let number = |[x, y]: [f64; 2]| {
@@ -101,8 +101,8 @@ impl DiscView {
 }
 
 /// Returns how `left` is turned against `right`, for finite vectors less than a quarter turn apart: `Greater`
-/// for counter-clockwise, `Equal` for equal directions. `None` for different vectors of which one has so small
-/// a component, beside its other one, that a product of components may underflow.
+/// for counter-clockwise, `Equal` for equal directions. `None` for different vectors of which one has so
+/// small a component, beside its other one, that a product of components may underflow.
 fn turn(right: [f64; 2], left: [f64; 2]) -> Option<Ordering> {
     let two_to = |exponent: i64| f64::from_bits(((1023 + exponent) as u64) << 52);
     if right == left {

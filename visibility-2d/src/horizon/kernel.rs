@@ -1,9 +1,10 @@
 //! Kernel of an occluder mesh that counts as convex: the points behind the planes of all its faces.
 //!
 //! A mesh counts as [convex](OccluderMesh::is_convex) if no vertex is in front of a face by more than two
-//! steps of `f32`. Where two faces meet at a sharp edge, a vertex so little in front of both may be the bottom
-//! of a notch a thousand times as deep, and the hull of the vertices fills the notch. The kernel does not: a
-//! point strictly behind the planes of all faces of a closed mesh sees each face's back, and so is inside.
+//! steps of `f32`. Where two faces meet at a sharp edge, a vertex so little in front of both may be the
+//! bottom of a notch a thousand times as deep, and the hull of the vertices fills the notch. The kernel does
+//! not: a point strictly behind the planes of all faces of a closed mesh sees each face's back, and so is
+//! inside.
 
 use visibility_core::OccluderMesh;
 use visibility_core::glam::DVec3;
@@ -19,8 +20,8 @@ pub(super) struct Kernel<'a> {
 }
 
 impl<'a> Kernel<'a> {
-    /// Makes the kernel of a closed mesh. `None` if the mean of the vertices is not strictly behind the planes
-    /// of all faces. Takes time linear in the number of triangles.
+    /// Makes the kernel of a closed mesh. `None` if the mean of the vertices is not strictly behind the
+    /// planes of all faces. Takes time linear in the number of triangles.
     pub(super) fn new(mesh: &'a OccluderMesh) -> Option<Self> {
         let positions = mesh.positions();
         let sum: DVec3 = positions.iter().map(|p| p.as_dvec3()).sum();
@@ -30,9 +31,9 @@ impl<'a> Kernel<'a> {
     }
 
     /// Returns a point of the kernel near a vertex: the vertex itself, or if that is in front of a face, a
-    /// point between the vertex and the middle, at most twice as far from the vertex as needed. `None` if that
-    /// is more than halfway. Takes time linear in the number of triangles; exact arithmetic where the vertex
-    /// is close to the plane of a face that it is no corner of.
+    /// point between the vertex and the middle, at most twice as far from the vertex as needed. `None` if
+    /// that is more than halfway. Takes time linear in the number of triangles; exact arithmetic where the
+    /// vertex is close to the plane of a face that it is no corner of.
     pub(super) fn nearest(&self, vertex: u32) -> Option<DVec3> {
         let triangles = self.mesh.triangles();
         let p = self.mesh.positions().get(vertex as usize)?.as_dvec3();
@@ -47,8 +48,8 @@ impl<'a> Kernel<'a> {
     }
 
     /// Returns a number with the exact sign of the distance of `p` behind the plane of a triangle: positive
-    /// behind it, 0 on it, negative in front of it. `f64` holds all products of three coordinates of `f32`, so
-    /// none overflows, nor underflows.
+    /// behind it, 0 on it, negative in front of it. `f64` holds all products of three coordinates of `f32`,
+    /// so none overflows, nor underflows.
     fn side(&self, triangle: &[u32; 3], p: DVec3) -> f64 {
         let coordinate = |p: DVec3| robust::Coord3D { x: p.x, y: p.y, z: p.z };
         let [a, b, c] = triangle
@@ -63,8 +64,8 @@ mod tests {
     use visibility_core::Aabb;
     use visibility_core::glam::Vec3;
 
-    /// Makes a closed blade 20 m long, `width` wide at the bottom, whose edge at a height of 10 m is lowered by
-    /// `notch` halfway.
+    /// Makes a closed blade 20 m long, `width` wide at the bottom, whose edge at a height of 10 m is lowered
+    /// by `notch` halfway.
     fn blade(width: f32, notch: f32) -> OccluderMesh {
         let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
         let half = width / 2.0;
