@@ -51,10 +51,14 @@ impl<'a> Kernel<'a> {
     /// behind it, 0 on it, negative in front of it. `f64` holds all products of three coordinates of `f32`,
     /// so none overflows, nor underflows.
     fn side(&self, triangle: &[u32; 3], p: DVec3) -> f64 {
-        let coordinate = |p: DVec3| robust::Coord3D { x: p.x, y: p.y, z: p.z };
-        let [a, b, c] = triangle
-            .map(|i| coordinate(self.mesh.positions().get(i as usize).map_or(DVec3::NAN, |p| p.as_dvec3())));
-        robust::orient3d(a, b, c, coordinate(p))
+        let [a, b, c] =
+            triangle.map(|i| self.mesh.positions().get(i as usize).map_or(DVec3::NAN, |p| p.as_dvec3()));
+        // Points of a level face, the most frequent ones that are in one plane, take no exact arithmetic.
+        if (a.cmpeq(p) & b.cmpeq(p) & c.cmpeq(p)).any() {
+            return 0.0;
+        }
+        let [a, b, c, p] = [a, b, c, p].map(|p| robust::Coord3D { x: p.x, y: p.y, z: p.z });
+        robust::orient3d(a, b, c, p)
     }
 }
 

@@ -31,8 +31,10 @@ const MAX_COLUMNS: usize = 1 << 14;
 /// prepared occluders, and is faster.
 ///
 /// # Cost
-/// Drawing an occluder takes about 0.8 us, testing a box about 40 ns. Memory: about 40 bytes for each column
-/// of the four faces.
+/// Drawing an occluder takes about 0.8 us, testing a box about 40 ns. A convex mesh that is no box takes 2 us
+/// with 8 vertices and 24 us with 32, since each vertex is compared with each face;
+/// [`HorizonOccluders`](super::HorizonOccluders) do that once. Memory: about 40 bytes for each column of the
+/// four faces.
 ///
 /// ```
 /// use visibility_2d::horizon::{Horizon, UpAxis};
