@@ -91,7 +91,55 @@ fn walls(random: &mut Random) -> Option<OccluderMesh> {
     Some(mesh.with_two_sided(random.below(2) == 0))
 }
 
+/// Makes a closed solid, a blade or a slab, whose top edges have a notch as deep as a mesh that counts as
+/// convex may have, up to a factor of 2. Each axis of the mesh is stretched by a power of two, which the
+/// transform undoes: along one axis, a notch is deepest if the mesh is longest along another.
+fn notched(random: &mut Random) -> Option<Occluder> {
+    let middle = random.vec3(-6.0, 6.0);
+    let (length, height) = (random.fine_range(1.0, 8.0) as f32, random.fine_range(0.5, 9.0) as f32);
+    let width = random.pick(&[0.01f32, 0.05, 0.3, 1.0]);
+    let top = random.pick(&[0.0, 1.0]) * width;
+    let stretch = [0; 3].map(|_| random.pick(&[1.0f32, 1.0, 1.0, 1.0 / 64.0, 64.0, 1024.0]));
+    let stretch = Vec3::from_array(stretch);
+    let along = random.pick(&[[0, 1], [1, 0]]);
+    let mesh = |notch: f32| {
+        // The outline of each side, counter-clockwise from the front, with the notch between the upper ends.
+        let at = |along_it: f32, across: f32, up: f32| {
+            let mut p = middle;
+            p[along[0]] += along_it * length;
+            p[along[1]] += if along[0] == 0 { -across } else { across };
+            p.z += up;
+            p * stretch
+        };
+        let side = |bottom: f32, top: f32| {
+            [
+                at(0.0, bottom, -height),
+                at(1.0, bottom, -height),
+                at(1.0, top, 0.0),
+                at(0.5, top, -notch),
+                at(0.0, top, 0.0),
+            ]
+        };
+        let (front, back) = (side(width / 2.0, top / 2.0), side(-width / 2.0, -top / 2.0));
+        let mut triangles = Vec::new();
+        for i in 0..5 {
+            let k = (i + 1) % 5;
+            triangles.extend([[front[i], back[i], back[k]], [front[i], back[k], front[k]]]);
+        }
+        for [a, b, c] in [[3, 0, 1], [3, 1, 2], [3, 4, 0]] {
+            triangles.extend([[front[a], front[b], front[c]], [back[a], back[c], back[b]]]);
+        }
+        OccluderMesh::from_triangles(&triangles).ok()
+    };
+    let depths = (0..24).map(|halvings| 0.5 * height / (1u32 << halvings) as f32);
+    let mesh = depths.filter_map(mesh).find(OccluderMesh::is_convex)?;
+    Some(Occluder { mesh, transform: Affine3A::from_scale(1.0 / stretch) })
+}
+
 fn occluder(random: &mut Random) -> Option<Occluder> {
+    if random.one_in(4) {
+        return notched(random);
+    }
     let mesh = match random.below(6) {
         4 | 5 => walls(random)?,
         0 => {

@@ -7,6 +7,7 @@ mod discs;
 mod exact_plan;
 mod horizon_crowns;
 mod horizon_margins;
+mod horizon_notches;
 mod horizon_rays;
 mod horizon_state;
 mod horizon_terrain;

@@ -232,6 +232,11 @@ fn heights_decide_as_whole_numbers_do() {
         Err(PlanError::Heights),
         "a height of NaN"
     );
+    for heights in [[f64::NAN, 0.5], [0.5, f64::NAN], [f64::INFINITY, 0.5], [0.5, -1e61]] {
+        let view = PlanView::new([-1.0, 0.0]).with_heights(heights[0], heights[1]);
+        assert_eq!(plan.look(&view, &mut answer), Err(PlanError::Heights), "a view with heights {heights:?}");
+        assert!(answer.polygon().is_empty(), "the polygon of a view with heights {heights:?}");
+    }
     // Walls that reach from below the lower height to above the upper one hide.
     plan.look(&PlanView::new([-1.0, 0.0]).with_heights(0.5, 0.9), &mut answer).unwrap();
     let hidden = answer.area();

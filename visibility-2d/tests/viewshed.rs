@@ -1,6 +1,7 @@
 //! Tests of viewsheds: every sample against all edges of the surface in exact arithmetic, ties, holes,
 //! distances, curvature and hostile numbers.
 
+use std::cell::Cell;
 use visibility_2d::viewshed::{HeightRaster, Observer, Viewshed, ViewshedError};
 use visibility_testing::Random;
 use visibility_testing::allocations::ALLOCATIONS;
@@ -465,4 +466,58 @@ fn a_warm_viewshed_allocates_nothing() {
     let before = ALLOCATIONS.get();
     viewshed.look(&raster, &observer, &mut visible).expect("as before");
     assert_eq!(ALLOCATIONS.get() - before, 0, "allocations of a warm call");
+}
+
+thread_local! {
+    /// Number of heights read on this thread.
+    static READS: Cell<usize> = const { Cell::new(0) };
+}
+
+/// A height that counts how often it is read.
+#[derive(Clone, Copy)]
+struct Counted(f64);
+
+impl From<Counted> for f64 {
+    fn from(height: Counted) -> Self {
+        READS.set(READS.get() + 1);
+        height.0
+    }
+}
+
+/// With cells much longer than wide, the samples that are read are those within the greatest distance and a
+/// few beside them, and the answers are those without a greatest distance.
+#[test]
+fn a_greatest_distance_bounds_the_samples_read_along_both_axes() {
+    let mut random = Random(12);
+    let side = 240;
+    let heights: Vec<Counted> = (0..side * side).map(|_| Counted(f64::from(random.between(0, 30)))).collect();
+    for (cell, distance) in [
+        ([1000.0, 1.0], 90.0),
+        ([1.0, 1000.0], 90.0),
+        ([7.0, 1.0], 60.0),
+        ([1.0, 6.5], 60.0),
+        ([1.0, 1.0], 40.0),
+        ([0.7, 0.9], 0.0),
+    ] {
+        let raster = HeightRaster::new(&heights, side, side, cell).expect("a raster");
+        for _ in 0..3 {
+            let [row, column] = [(); 2].map(|()| random.fine_range(100.0, 140.0));
+            let observer = Observer::new(row, column).with_height(2.0);
+            let [mut all, mut near] = [(); 2].map(|()| vec![false; heights.len()]);
+            Viewshed::new().look(&raster, &observer, &mut all).expect("over the raster");
+            READS.set(0);
+            let limited = observer.with_max_distance(distance);
+            Viewshed::new().look(&raster, &limited, &mut near).expect("over the raster");
+            let reads = READS.get();
+            let mut within = 0;
+            for sample in 0..heights.len() {
+                let down = ((sample / side) as f64 - row) * cell[0];
+                let across = ((sample % side) as f64 - column) * cell[1];
+                let is_within = down.hypot(across) <= distance;
+                within += usize::from(is_within);
+                assert_eq!(near[sample], is_within && all[sample], "sample {sample}, cells {cell:?}");
+            }
+            assert!(reads < 4 * within + 20 * side, "{reads} reads for {within} samples, cells {cell:?}");
+        }
+    }
 }

@@ -227,6 +227,13 @@ pub trait Culler {
         false
     }
 
+    /// Tells the culler that the engine draws another view than the one it culls for. A
+    /// [`Pipeline`](crate::Pipeline) calls it before each frame in which it is
+    /// [frozen](crate::Pipeline::freeze), and when that ends. A culler that asks the engine about what is
+    /// drawn must forget the answers, also those that have not arrived: they are about the other view. The
+    /// default implementation does nothing. A culler that wraps another passes the call on.
+    fn draws_other_view(&mut self) {}
+
     /// Discards all state from earlier frames, as if the culler were new. Never needed for correct results:
     /// camera cuts and other scenes are safe without a reset. The default implementation does nothing, for
     /// cullers that keep no such state.

@@ -295,6 +295,9 @@ impl Pipeline {
         view: &View,
         visible: &mut VisibleSet,
     ) -> CullStats {
+        if self.frozen.is_some() {
+            self.draws_other_view();
+        }
         let view = &self.frozen.unwrap_or(*view);
         let before = self.last.replace(*view);
         let mut region = None;
@@ -407,7 +410,9 @@ impl Pipeline {
 
     /// Makes later calls of `cull` use the view of the last frame and ignore the view passed to them, so that
     /// an engine can look at this view's visible objects from another viewpoint. Objects are culled with
-    /// their current bounds. Does nothing before the first frame.
+    /// their current bounds. A stage that [asks the engine](crate::occlusion::HardwareQueries) about what is
+    /// drawn hides nothing meanwhile, since the answers are about the other viewpoint. Does nothing before
+    /// the first frame.
     pub fn freeze(&mut self) {
         self.frozen = self.last;
     }
@@ -415,7 +420,14 @@ impl Pipeline {
     /// Ends [`freeze`](Self::freeze): `cull` uses the views passed to it again. Does nothing if the pipeline
     /// is not frozen.
     pub fn unfreeze(&mut self) {
-        self.frozen = None;
+        if self.frozen.take().is_some() {
+            self.draws_other_view();
+        }
+    }
+
+    /// Tells each stage that answers of the engine are about another view.
+    fn draws_other_view(&mut self) {
+        self.stages.iter_mut().for_each(|(culler, _)| culler.draws_other_view());
     }
 
     /// Returns the view that culling is [frozen](Self::freeze) at, or `None` if `cull` uses the views passed

@@ -1,6 +1,8 @@
 //! Tests of a pipeline's diagnostics: which stage removed an object, and culling for one view while drawing
 //! another.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use visibility_core::glam::DVec3;
 use visibility_core::{
     Aabb, Accuracy, CullStats, Culler, FrustumCuller, Object, OccluderMesh, OcclusionCuller, Pipeline, Pose,
@@ -321,4 +323,49 @@ fn a_pipeline_reports_stages_that_hide_behind_what_is_too_small() {
     }
     let shut = lacks(&Scene::new(), vec![by_size(true), baked()]);
     assert!(shut.iter().all(|line| !line.contains("too small")), "an empty scene: {shut:?}");
+}
+
+/// A device that answers in the next frame whether a box is on the side of x that the camera looks to.
+struct OneSide {
+    /// Whether the camera that draws looks along +x. Shared with the test.
+    forward: Arc<AtomicBool>,
+    answers: Vec<(u64, u32)>,
+}
+
+impl QueryDevice for OneSide {
+    fn ask(&mut self, query: u64, boxes: &[Aabb]) {
+        let forward = self.forward.load(Ordering::Relaxed);
+        let shows = boxes.iter().any(|bounds| (bounds.center().x > 0.0) == forward);
+        self.answers.push((query, u32::from(shows)));
+    }
+
+    fn answers(&mut self, each: &mut dyn FnMut(u64, u32)) {
+        self.answers.drain(..).for_each(|(query, samples)| each(query, samples));
+    }
+}
+
+/// Answers from frames in which the camera looked elsewhere hide nothing, neither while the pipeline is
+/// frozen nor afterwards.
+#[test]
+fn answers_about_another_view_than_the_frozen_one_hide_nothing() {
+    for late in [LateAnswers::Visible, LateAnswers::Trusted { frames: 4 }] {
+        let mut scene = Scene::new();
+        let ahead = scene.insert(cube(10.0, 0.0));
+        let forward = Arc::new(AtomicBool::new(true));
+        let device = OneSide { forward: forward.clone(), answers: Vec::new() };
+        let map = HardwareQueries::new(device, late);
+        let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(OcclusionCuller::new(map));
+        let mut visible = VisibleSet::new();
+        let mut frame = |pipeline: &mut Pipeline, is_forward: bool, what: &str| {
+            forward.store(is_forward, Ordering::Relaxed);
+            let target = if is_forward { DVec3::X } else { DVec3::NEG_X };
+            pipeline.cull(&scene, &looking(target), &mut visible);
+            assert!(visible.contains(&scene, ahead), "{late:?}: {what}");
+        };
+        (0..5).for_each(|_| frame(&mut pipeline, true, "before the freeze"));
+        pipeline.freeze();
+        (0..10).for_each(|_| frame(&mut pipeline, false, "frozen"));
+        pipeline.unfreeze();
+        (0..10).for_each(|_| frame(&mut pipeline, true, "after the freeze"));
+    }
 }

@@ -611,3 +611,70 @@ fn occluders_of_a_set_are_those_that_can_occlude() {
     scene.remove(ids[0]).unwrap();
     assert!(!scene.can_occlude(ids[0]), "an unknown object");
 }
+
+/// Occluders of a union are those on a layer that all of its sets draw.
+#[test]
+fn occluders_that_one_view_of_a_union_does_not_draw_are_left_out() {
+    let mut scene = Scene::new();
+    let all = [0b001, 0b010, 0b100, 0b011, 0b111, 0].map(|layers| {
+        scene.insert(Object { occluder: true, layers, ..Object::new(at(layers as f32, 0.0, 0.0)) })
+    });
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let set_of = |layers: u32| {
+        let view = View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap().with_layers(layers);
+        let mut set = VisibleSet::new();
+        set.fill(&scene, &view);
+        set
+    };
+    let occluders = |set: &VisibleSet| {
+        let mut found = Vec::new();
+        set.for_each_occluder(&scene, |id| found.push(all.iter().position(|&other| other == id).unwrap()));
+        found.sort_unstable();
+        found
+    };
+    let union = |layers: &[u32]| {
+        let mut both = VisibleSet::new();
+        both.clear(&scene);
+        layers.iter().for_each(|&layers| both.union(&scene, &set_of(layers)));
+        both
+    };
+    assert_eq!(occluders(&set_of(0b011)), [0, 1, 3, 4], "of one view");
+    assert_eq!(occluders(&union(&[0b011])), [0, 1, 3, 4], "of a union of one view");
+    let both = union(&[0b011, 0b110]);
+    assert_eq!(
+        (both.count(&scene), occluders(&both)),
+        (5, vec![1, 3, 4]),
+        "of two views with a layer in common"
+    );
+    assert_eq!(occluders(&union(&[0b001, 0b010])), [0; 0], "of two views without one");
+    let mut nested = union(&[0b111]);
+    nested.union(&scene, &both);
+    assert_eq!((nested.layers(), nested.common_layers()), (0b111, 0b010), "layers of a union with a union");
+    let mut again = both.clone();
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap().with_layers(0b100);
+    again.fill(&scene, &view);
+    assert_eq!(again.common_layers(), 0b100, "layers of a set that is filled again");
+}
+
+/// The fingerprint tells sets apart that differ in an object that is never culled alone.
+#[test]
+fn fingerprints_include_objects_that_are_never_culled() {
+    let mut scene = Scene::new();
+    scene.insert(at(1.0, 0.0, 0.0));
+    let never = scene.insert(Object { never_cull: true, ..Object::new(at(2.0, 0.0, 0.0)) });
+    let mut of_layers = |layers: u32| {
+        scene.set_layers(never, layers).unwrap();
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap().with_layers(1);
+        let mut set = VisibleSet::new();
+        set.fill(&scene, &view);
+        let unfinished = (set.count(&scene), set.fingerprint(&scene).1);
+        set.finish(&scene);
+        assert_eq!(set.fingerprint(&scene).1, unfinished.1, "layers {layers}: the finished set");
+        unfinished
+    };
+    let [one, two, three] = [1, 2, 3].map(&mut of_layers);
+    assert_eq!([one.0, two.0, three.0], [2, 1, 2], "objects of the sets");
+    assert_ne!(one.1, two.1, "sets with and without the object");
+    assert_eq!(one.1, three.1, "equal sets");
+}

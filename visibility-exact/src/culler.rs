@@ -14,9 +14,9 @@ use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
 /// there is none.
 ///
 /// Works on [`SceneTriangles`] collected from the scene. Nothing is removed if the scene has changed since or
-/// is another one, or if an occluder is on none of the set's layers, since such a view does not draw that
-/// occluder. Never-culled objects stay. The same viewcell, triangles and settings give the same answer on
-/// every machine.
+/// is another one, or if an occluder is on none of the [layers of all views](VisibleSet::common_layers) of
+/// the set, since such a view does not draw that occluder. Never-culled objects stay. The same viewcell,
+/// triangles and settings give the same answer on every machine.
 ///
 /// A viewcell with [planes](Viewcell::planes) counts as its whole box. An object that is seen only from the
 /// part cut off by the planes may be kept: the accuracy is then conservative instead of exact.
@@ -90,7 +90,7 @@ impl ExactCuller {
 
     /// Returns the result of the last [`cull`](RegionCuller::cull): a verdict for each candidate, and open
     /// for other objects. `None` before the first call, and after a call that removed nothing because the
-    /// scene had changed or an occluder is on none of the set's layers.
+    /// scene had changed or an occluder is on none of the layers of all views of the set.
     pub fn last(&self) -> Option<&CellVerdicts> {
         self.last.as_ref()
     }
@@ -151,7 +151,7 @@ impl RegionCuller for ExactCuller {
 
     fn cull(&mut self, scene: &Scene, cell: &Viewcell, visible: &mut VisibleSet) -> CullStats {
         self.last = None;
-        let draws_all = self.triangles.layers.keys().all(|mask| mask & visible.layers() != 0);
+        let draws_all = self.triangles.layers.keys().all(|mask| mask & visible.common_layers() != 0);
         if !(draws_all && self.triangles.is_current(scene)) {
             return visible.retain(scene, |_, _| true);
         }

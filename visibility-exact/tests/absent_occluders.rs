@@ -79,3 +79,27 @@ fn layers_that_no_occluder_is_on_any_more_do_not_count() {
     triangles.sync(&scene);
     assert!(!keeps_post_of(&triangles, &scene, 1), "the second wall is removed");
 }
+
+/// In a union of the sets of two views, an occluder that one of the views does not draw hides nothing.
+#[test]
+fn an_occluder_that_one_view_of_a_union_does_not_draw_hides_nothing() {
+    let mut scene = wall_and_post();
+    let (wall, post) = (scene.id_at(0).unwrap(), scene.id_at(1).unwrap());
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let cell = Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5));
+    for (of_wall, keeps) in [(0b01, true), (0b10, true), (0b100, false)] {
+        scene.set_layers(wall, of_wall).unwrap();
+        let mut both = VisibleSet::new();
+        both.clear(&scene);
+        for layers in [0b101, 0b110] {
+            let view = View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap().with_layers(layers);
+            let mut set = VisibleSet::new();
+            set.fill(&scene, &view);
+            both.union(&scene, &set);
+        }
+        let settings = ExactSettings::new(Effort::Exact(1e-4));
+        let triangles = Arc::new(SceneTriangles::new(&scene));
+        ExactCuller::new(triangles, settings).cull(&scene, &cell, &mut both);
+        assert_eq!(both.contains(&scene, post), keeps, "a wall on layers {of_wall:#b}");
+    }
+}

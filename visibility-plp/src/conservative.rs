@@ -18,7 +18,8 @@ use visibility_core::{
 /// are tested against the map, and so are objects that the budget left over. Hidden cells are dropped, and
 /// cells that can only be reached through hidden cells are never tested. The other cells are projected in
 /// full: their objects are kept, their occluders are added to the map, and their neighbours join the front.
-/// The frame ends when the front is empty.
+/// (A map with [delayed answers](OcclusionMap::answers_at_once) gets the occluders of the budget alone.) The
+/// frame ends when the front is empty.
 ///
 /// As accurate as the map, at best conservative. A view ray to a visible point passes only through visible
 /// points, so no cell on its way is found hidden. An object is kept if any cell that the object meets is
@@ -257,14 +258,16 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
         let tessellation = &**tessellation;
         *stats = ConservativeStats::default();
         map.begin(view, scene.origin());
-        if !map.answers_at_once() {
+        let at_once = map.answers_at_once();
+        if at_once {
+            map.flush();
+        } else {
             // Answers to earlier frames are about pictures of their candidates.
             let set = Some(visible.fingerprint(scene));
             if core::mem::replace(candidates, set) != set {
                 map.candidates_changed();
             }
         }
-        map.flush();
         let frustum = CellFrustum::new(view, scene.origin(), &tessellation.bounds());
         let frame = FrameContext { tessellation, scene, visible, frustum, settings: *settings };
         let keep: Keep<'_> = &mut |_, _| true;
@@ -284,6 +287,12 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
             }
         }
         add_occluders(map, scene, &walk.order);
+        if !at_once {
+            // A map with delayed answers takes all occluders of a frame before its first test: those of the
+            // budget, which are the same in each frame of a view. With occluders that depend on answers, each
+            // answer would change the picture that the next answers are about.
+            map.flush();
+        }
         // Objects that were looked up but did not fit into the budget: each is tested by its own bounds.
         let budgeted = walk.order.len();
         while let Some(id) = walk.ready.pop() {
@@ -293,7 +302,9 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
                 walk.order.push(id);
             }
         }
-        add_occluders(map, scene, &walk.order[budgeted..]);
+        if at_once {
+            add_occluders(map, scene, &walk.order[budgeted..]);
+        }
         loop {
             waiting.clear();
             while let Some(cell) = walk.next() {
@@ -308,12 +319,20 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
             for &cell in &*waiting {
                 walk.finish(&frame, cell);
             }
-            add_occluders(map, scene, &walk.order[before..]);
+            if at_once {
+                add_occluders(map, scene, &walk.order[before..]);
+            }
         }
         stats.projected_cells = walk.projected;
         let (nodes, tests) = (walk.projected, stats.tests);
         visible.keep_in_order(scene, &walk.order);
         CullStats::default().with_nodes(nodes).with_tests(tests).with_visible(visible.count(scene) as u64)
+    }
+
+    fn draws_other_view(&mut self) {
+        if !self.map.answers_at_once() {
+            self.map.reset();
+        }
     }
 
     fn reset(&mut self) {

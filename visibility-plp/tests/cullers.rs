@@ -8,12 +8,13 @@ use visibility_core::{
     Aabb, Accuracy, Culler, FrustumCuller, ObjectId, OccluderMesh, OcclusionMap, Pose, Scene, View,
     VisibleSet,
     geometry::{Containment, Plane},
-    occlusion::Occlusion,
+    occlusion::{HardwareQueries, LateAnswers, Occlusion, QueryDevice},
 };
 use visibility_plp::{
     Budget, ConservativePlpCuller, DelaunayTessellation, Fineness, OctreeTessellation, PlpCuller, Solidity,
     Tessellation,
 };
+use visibility_testing::PlainMap;
 
 /// Small leaves, so that small test scenes have many cells.
 const FINE: Fineness = Fineness { vertices: 24, halvings: 7 };
@@ -391,4 +392,48 @@ fn what_has_something_close_before_it_comes_last() {
         let first = order[..shown].iter().filter(|id| open.contains(id)).count();
         assert!(first * 10 >= shown * 7, "{first} of {shown}");
     }
+}
+
+/// A device that answers in the next frame, from the picture of the occluders that the culler has added.
+struct NextFrame {
+    picture: PlainMap,
+    view: View,
+    answers: Vec<(u64, u32)>,
+}
+
+impl QueryDevice for NextFrame {
+    fn ask(&mut self, query: u64, boxes: &[Aabb]) {
+        self.picture.flush();
+        let passes = boxes.iter().any(|bounds| self.picture.test(bounds) != Occlusion::Hidden);
+        self.answers.push((query, u32::from(passes)));
+    }
+
+    fn answers(&mut self, each: &mut dyn FnMut(u64, u32)) {
+        self.answers.drain(..).for_each(|(query, samples)| each(query, samples));
+        self.picture.begin(&self.view, DVec3::ZERO);
+    }
+
+    fn draw(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        self.picture.add(occluder, transform);
+    }
+}
+
+/// A still camera in front of a row of rooms: once the answers have arrived, the rooms behind the first wall
+/// are hidden in each frame, and nothing of the first room ever is.
+#[test]
+fn a_still_camera_hides_by_delayed_answers() {
+    let (scene, walls, things) = rooms(6);
+    let view = looking_along_x(-1.0);
+    let cells = Arc::new(OctreeTessellation::new(&scene));
+    let device = NextFrame { picture: PlainMap::new(96, 60), view, answers: Vec::new() };
+    let map = HardwareQueries::new(device, LateAnswers::Visible);
+    let mut culler = ConservativePlpCuller::new(cells, Budget::Objects(30), map);
+    let mut kept = Vec::new();
+    for frame in 0..12 {
+        let seen = run(&mut culler, &scene, &view);
+        assert!(seen.contains(&walls[0]), "frame {frame}: the first wall");
+        assert!(things[..20].iter().all(|id| seen.contains(id)), "frame {frame}: the first room");
+        kept.push(seen.len());
+    }
+    assert!(kept[6..].iter().all(|&count| count < 60 && count == kept[6]), "objects by frame: {kept:?}");
 }

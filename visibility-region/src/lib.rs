@@ -17,10 +17,11 @@
 //! The occluders of a conservative method are the *candidates* that are flagged as occluders and have a mesh,
 //! as for the occlusion culler of `visibility-core`: see
 //! [`VisibleSet::for_each_occluder`](visibility_core::VisibleSet::for_each_occluder). An object hides
-//! nothing, since it may not be drawn, if an earlier stage has removed it, if it is on no layer of the set,
-//! if it is not [always drawn](visibility_core::Scene::is_always_drawn), or if it is never culled. The
-//! aggressive [`SamplingCuller`] errs the other way: every occluder that is always drawn and can be culled
-//! blocks its rays, candidate or not.
+//! nothing, since it may not be drawn, if an earlier stage has removed it, if it is on no layer [of all
+//! views](visibility_core::VisibleSet::common_layers) of the set, if it is not [always
+//! drawn](visibility_core::Scene::is_always_drawn), or if it is never culled. The aggressive
+//! [`SamplingCuller`] errs the other way: every occluder that is always drawn and can be culled blocks its
+//! rays, candidate or not.
 //!
 //! ```
 //! use visibility_core::{glam::{Affine3A, DVec3}, pvs::Viewcell};

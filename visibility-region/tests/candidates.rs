@@ -114,3 +114,23 @@ fn what_is_not_always_drawn_hides_nothing() {
         assert_eq!(answers(&world.scene), [true; 6], "{transform:?}, way {way}: the wall may be absent");
     }
 }
+
+/// In a union of the sets of two views, an occluder that one of the views does not draw hides nothing.
+#[test]
+fn an_occluder_that_one_view_of_a_union_does_not_draw_hides_nothing() {
+    for (transform, mut culler) in transforms().into_iter().flat_map(|t| cullers().map(|c| (t, c))) {
+        let (mut world, wall, behind) = world(transform);
+        for (of_wall, sees) in [(0b01, true), (0b10, true), (0b100, false)] {
+            world.scene.set_layers(wall, of_wall).unwrap();
+            let mut both = VisibleSet::new();
+            both.clear(&world.scene);
+            for layers in [0b101, 0b110] {
+                let mut set = VisibleSet::new();
+                set.fill(&world.scene, &view(layers));
+                both.union(&world.scene, &set);
+            }
+            culler.cull(&world.scene, &cell(), &mut both);
+            assert_eq!(both.contains(&world.scene, behind), sees, "{transform:?}: a wall on {of_wall:#b}");
+        }
+    }
+}

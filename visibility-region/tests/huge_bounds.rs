@@ -76,5 +76,5 @@ fn one_huge_or_far_object_changes_little() {
 
 /// Returns a world with a copy of the scene, whose objects have the same ids.
 fn plain_copy(world: &World) -> World {
-    World { scene: world.scene.clone(), triangles: Vec::new(), bounds: Vec::new() }
+    World { scene: world.scene.clone(), ..World::new() }
 }

@@ -5,8 +5,10 @@
 
 use crate::common::random_world;
 use std::cell::Cell;
+use std::collections::BTreeSet;
+use visibility_core::glam::DVec3;
 use visibility_core::pvs::Viewcell;
-use visibility_core::{Accuracy, CullStats, RegionCuller, Scene, VisibleSet};
+use visibility_core::{Aabb, Accuracy, CullStats, Object, Pose, RegionCuller, Scene, View, VisibleSet};
 #[cfg(feature = "papers")]
 use visibility_region::VolumetricCuller;
 use visibility_region::{ConvexBlockersCuller, ExtendedProjectionCuller, SamplingCuller};
@@ -107,4 +109,65 @@ fn no_ray_from_the_cell_reaches_what_is_hidden_from_its_parts() {
         (all, all),
         "no parts, and a sweep that is over, hide nothing"
     );
+}
+
+/// Unions of the sets of two views with different layers: what a culler removes, no ray of either view
+/// reaches past the occluders that this view draws.
+#[test]
+fn no_ray_of_a_view_reaches_what_is_hidden_in_a_union_of_layers() {
+    let (mut rng, mut removed) = (Random(21), 0);
+    let mut cullers: [Box<dyn RegionCuller>; 2] =
+        [Box::new(ExtendedProjectionCuller::new()), Box::new(ConvexBlockersCuller::new())];
+    for round in 0..16 {
+        let (mut world, cell) = random_world(&mut rng, 1.0);
+        for (id, _) in world.bounds.clone() {
+            world.scene.set_layers(id, rng.pick(&[0b001, 0b010, 0b011, 0b100, 0b100, 0b111])).unwrap();
+        }
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let views = [0b101, 0b110]
+            .map(|layers| View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap().with_layers(layers));
+        for (number, culler) in cullers.iter_mut().enumerate() {
+            let mut both = VisibleSet::new();
+            both.clear(&world.scene);
+            for view in &views {
+                let mut set = VisibleSet::new();
+                set.fill(&world.scene, view);
+                both.union(&world.scene, &set);
+            }
+            culler.cull(&world.scene, &cell, &mut both);
+            for view in &views {
+                let drawn = world.on_layers(view.layers());
+                let ids = drawn.bounds.iter().map(|&(id, _)| id);
+                let hidden: BTreeSet<_> = ids.filter(|&id| !both.contains(&world.scene, id)).collect();
+                removed += hidden.len();
+                if let Err((id, eye, direction)) = drawn.search(&mut rng, &cell, &hidden, 500) {
+                    panic!("round {round}, culler {number}: {id} is seen from {eye} along {direction}");
+                }
+            }
+        }
+    }
+    judged(removed as u64);
+    told_enough(removed > 100, format_args!("{removed} objects are no test"));
+}
+
+/// Sweeps from parts end once no object is found hidden, whether or not the scene has an object that is never
+/// culled.
+#[test]
+fn objects_that_are_never_culled_do_not_make_more_parts() {
+    let mut scene = Scene::new();
+    scene.insert(Aabb::from_arrays([5.0, -1.0, -1.0], [6.0, 1.0, 1.0]));
+    let cell = Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5));
+    let calls = |scene: &Scene| {
+        let calls = Cell::new(0);
+        let stop = || {
+            calls.set(calls.get() + 1);
+            false
+        };
+        ExtendedProjectionCuller::new().cull_in_parts(scene, &cell, 20, &mut VisibleSet::new(), &stop);
+        calls.get()
+    };
+    let without = calls(&scene);
+    scene.insert(Object { never_cull: true, ..Object::new(Aabb::from_arrays([8.0; 3], [9.0; 3])) });
+    assert_eq!(calls(&scene), without, "calls of the function that may stop the sweeps");
+    assert!(without < 40, "{without} calls for an object that the first part sees");
 }

@@ -74,6 +74,10 @@ impl<C: Culler> Culler for Shared<C> {
         self.lock().follows_draw_ranges()
     }
 
+    fn draws_other_view(&mut self) {
+        self.lock().draws_other_view();
+    }
+
     fn reset(&mut self) {
         self.lock().reset();
     }

@@ -24,6 +24,11 @@ pub(crate) const MIN_MAGNITUDE: f64 = 1e-40;
 /// its two products; `u` is 2^-53.
 pub(crate) const ORIENTATION_ERROR: f64 = 3.330_669_073_875_471_6e-16;
 
+/// Returns whether heights are numbers up to [`MAX_MAGNITUDE`] in absolute value.
+pub(crate) fn are_heights(heights: [f64; 2]) -> bool {
+    heights.iter().all(|height| height.abs() <= MAX_MAGNITUDE)
+}
+
 fn coord([x, y]: Point) -> Coord<f64> {
     Coord { x, y }
 }

@@ -8,7 +8,7 @@
 
 use super::error::PlanError;
 use super::plan::{BLOCKS, Plan};
-use super::predicates::{MAX_MAGNITUDE, Point, area, area_error, checked, is_same_way, orient};
+use super::predicates::{Point, are_heights, area, area_error, checked, is_same_way, orient};
 use super::triangulation::{NONE, Place, next, previous};
 
 /// Point where a ray ends at a wall or at the rectangle around the plan.
@@ -106,7 +106,7 @@ impl Plan {
         (b, of_b): (impl Into<[f64; 2]>, f64),
     ) -> Result<bool, PlanError> {
         let (a, b) = (checked(a.into(), 0)?, checked(b.into(), 1)?);
-        if !(of_a.abs().max(of_b.abs()) <= MAX_MAGNITUDE && !of_a.is_nan() && !of_b.is_nan()) {
+        if !are_heights([of_a, of_b]) {
             return Err(PlanError::Heights);
         }
         let walk = Walk { plan: self, a, b, is_ray: false, both_ways: false, heights: Some([of_a, of_b]) };

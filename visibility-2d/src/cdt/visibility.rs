@@ -4,7 +4,7 @@ use super::error::PlanError;
 use super::expand::{Cone, Expansion, Met, Ray};
 use super::objects::PlanObjects;
 use super::plan::Plan;
-use super::predicates::Point;
+use super::predicates::{Point, are_heights};
 use super::range::{Disc, chord};
 use super::triangulation::{NONE, Place};
 use super::view::PlanView;
@@ -109,7 +109,8 @@ impl Plan {
     ///
     /// # Errors
     /// [`PlanError::Coordinate`] if a coordinate of the eye (index 0) or of a point of the sector (index 1 or
-    /// 2) is NaN, infinite or above 1e60 in absolute value. The result is then empty.
+    /// 2) is NaN, infinite or above 1e60 in absolute value, and [`PlanError::Heights`] if a height is. The
+    /// result is then empty.
     pub fn look(&self, view: &PlanView, answer: &mut Visibility) -> Result<(), PlanError> {
         self.look_for(view, None, answer)
     }
@@ -150,6 +151,9 @@ impl Plan {
             return Err(PlanError::Objects);
         }
         let eye = view.checked_eye()?;
+        if !view.heights.is_none_or(are_heights) {
+            return Err(PlanError::Heights);
+        }
         let mut sector = core::mem::take(&mut answer.sector);
         let limited = view.sector_points(eye, &mut sector);
         if let Ok(limited) = limited {

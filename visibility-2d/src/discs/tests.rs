@@ -4,6 +4,7 @@ use super::gaps::Gaps;
 use super::{Disc, DiscView, DiscZone, Discs};
 use crate::median_order::LEAF;
 use alloc::vec::Vec;
+use core::cmp::Ordering;
 use visibility_testing::Random;
 
 /// Returns the discs seen in a view, ascending.
@@ -102,6 +103,68 @@ fn a_sector_takes_vectors_of_any_length() {
                 "a sector up to {bad}"
             );
         }
+    }
+}
+
+/// Returns how `b` is turned against `a`, by products with their rounding errors.
+fn turn(a: [f64; 2], b: [f64; 2]) -> Ordering {
+    let (first, second) = (a[0] * b[1], a[1] * b[0]);
+    let errors = a[0].mul_add(b[1], -first) - a[1].mul_add(b[0], -second);
+    ((first - second) + errors).partial_cmp(&0.0).unwrap()
+}
+
+/// A sector whose left end is clockwise of its right end by less than the numbers of directions tell apart is
+/// nearly a full turn. One whose left end is counter-clockwise by as little is about a single direction.
+#[test]
+fn sectors_of_nearly_a_full_turn_see_all_around() {
+    // Discs in all directions, each of which overlaps its neighbours.
+    let at = |i: u32| f64::from(i) / 64.0 * core::f64::consts::TAU;
+    let discs: Vec<Disc> =
+        (0..64).map(|i| Disc { center: [9.0 * at(i).cos(), 9.0 * at(i).sin()], radius: 0.5 }).collect();
+    let all: Vec<u32> = (0..64).collect();
+    let sees = |right, left| look(&discs, &DiscView::new([0.0; 2]).with_sector(right, left));
+    let [right, left] =
+        [[1.9352096327442483, 0.012295526590495815], [1.142419737955464, 0.007258465454008533]];
+    assert_eq!(sees(right, left), all, "a sector whose ends have numbers in the wrong order");
+    let mut random = Random(9);
+    let mut counts = [0; 3];
+    for round in 0..3_000 {
+        // Ends in any direction, or close to an axis.
+        let middle = random.fine_range(-3.2, 3.2) * random.pick(&[1.0, 1e-9, 1e-16]);
+        let middle = middle + f64::from(random.between(-2, 2)) * core::f64::consts::FRAC_PI_2;
+        let half = core::f64::consts::PI;
+        let [right, left] = [middle - half, middle + half].map(|a| [a.cos(), a.sin()]);
+        let [right, left] = [right, left].map(|v| {
+            let length = random.pick(&[1.0, 3.0, 0.7]);
+            v.map(|x| x * length)
+        });
+        // Some ends are in the same direction. Powers of two change the lengths alone.
+        let left = if random.one_in(6) { right } else { left };
+        let [p, q] = [0; 2].map(|_| 2f64.powi(random.pick(&[0, 1, -930, 900])));
+        let seen = sees(right.map(|x| x * p), left.map(|x| x * q));
+        let turned = turn(right, left);
+        counts[(turned as i8 + 1) as usize] += 1;
+        let is_right = match turned {
+            Ordering::Less => seen == all,
+            Ordering::Equal => seen.is_empty(),
+            Ordering::Greater => (1..4).contains(&seen.len()),
+        };
+        assert!(is_right, "round {round}: {} discs seen from {right:?} to {left:?}", seen.len());
+    }
+    assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
+}
+
+/// Vectors of which one component underflows beside the other: the sector is not decided, and the view sees
+/// all.
+#[test]
+fn a_sector_whose_ends_are_too_thin_to_compare_sees_all() {
+    let discs = [[5.0, 0.0], [0.0, 5.0]].map(|center| Disc { center, radius: 1.0 });
+    let look = |right, left| look(&discs, &DiscView::new([0.0; 2]).with_sector(right, left));
+    let thin = [1.0, 1e-320];
+    assert_eq!(look([1.0, 1e-310], thin), [0, 1], "two directions close to an axis");
+    assert_eq!(look(thin, thin), [0u32; 0], "the same vector twice");
+    for [right, left] in [[[1.0, 0.0], [2.0, 0.0]], [[0.0, 3.0], [0.0, 1.0]], [[-1.0, -1.0], [-5.0, -5.0]]] {
+        assert_eq!(look(right, left), [0u32; 0], "two lengths of {right:?}");
     }
 }
 

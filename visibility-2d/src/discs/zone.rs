@@ -7,7 +7,7 @@ use crate::directions::{diamond, disc_span, rectangle_span};
 use crate::median_order::LEAF;
 use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
-use core::cmp::Reverse;
+use core::cmp::{Ordering, Reverse};
 
 /// Number of low bits of a queue entry that hold an index, into a level or into the discs. The level is in
 /// the bits above.
@@ -19,6 +19,10 @@ const SOLID: u32 = 30;
 /// Bound on the error of the direction numbers of a rectangle's corners. They are at most 4 and have a
 /// relative error below `4u`, with `u = 2^-53`, so an absolute error below `16u`. The bound is twice that.
 const RECTANGLE_ERROR: f64 = 16.0 * f64::EPSILON;
+
+/// Twice the greatest difference of the direction numbers of two vectors whose order rounding may have
+/// swapped: each number is off by at most `4u`.
+const TIE: f64 = 8.0 * f64::EPSILON;
 
 /// Greatest accepted error of the direction numbers of a disc's tangents. With a larger error, the eye counts
 /// as on the disc's circle.
@@ -42,7 +46,8 @@ impl DiscView {
     }
 
     /// Restricts the view to the directions from `right` counter-clockwise to `left`. With vectors of equal
-    /// direction, the view sees nothing. Vectors may have any length; if one is zero, infinite or NaN, the
+    /// direction, the view sees nothing. Whether `left` is clockwise of `right`, so that the sector is nearly
+    /// a full turn, is decided exactly. Vectors may have any length; if one is zero, infinite or NaN, the
     /// view sees all directions.
     pub fn with_sector(self, right: [f64; 2], left: [f64; 2]) -> Self {
         let is_known = |v: [f64; 2]| v.iter().all(|x| x.is_finite()) && v != [0.0; 2];
@@ -52,7 +57,27 @@ impl DiscView {
             let by = if x.abs().max(y.abs()) > 1.0 { 0.5 } else { 1.0 };
             diamond(by * x, by * y)
         };
-        let directions = (is_known(right) && is_known(left)).then(|| (number(right), number(left)));
+        if !is_known(right) || !is_known(left) {
+            return Self { directions: None, ..self };
+        }
+        let (first, last) = (number(right), number(left));
+        let apart = (first - last).abs();
+        if apart.min(4.0 - apart) > 2.0 * TIE {
+            return Self { directions: Some((first, last)), ..self };
+        }
+        let directions = match turn(right, left) {
+            Some(Ordering::Equal) => Some((first, first)),
+            // The numbers may be equal, or in the wrong order.
+            Some(Ordering::Greater) => {
+                let (first, last) = (first - TIE, last + TIE);
+                Some((
+                    if first < 0.0 { first + 4.0 } else { first },
+                    if last > 4.0 { last - 4.0 } else { last },
+                ))
+            }
+            // Nearly a full turn, or undecided.
+            Some(Ordering::Less) | None => None,
+        };
         Self { directions, ..self }
     }
 
@@ -73,6 +98,29 @@ impl DiscView {
     pub fn with_ball(self, radius: f64) -> Self {
         Self { ball: radius.max(0.0), ..self }
     }
+}
+
+/// Returns how `left` is turned against `right`, for finite vectors less than a quarter turn apart: `Greater`
+/// for counter-clockwise, `Equal` for equal directions. `None` for different vectors of which one has so
+/// small a component, beside its other one, that a product of components may underflow.
+fn turn(right: [f64; 2], left: [f64; 2]) -> Option<Ordering> {
+    let two_to = |exponent: i64| f64::from_bits(((1023 + exponent) as u64) << 52);
+    if right == left {
+        return Some(Ordering::Equal);
+    }
+    // Scaled by a power of two, the larger component is between 2^-474 and 2^424. Products of components
+    // are at most 2^848, and at least 2^-954 unless they are 0, so that their lowest bits do not underflow.
+    let scaled = |[x, y]: [f64; 2]| {
+        let by = match x.abs().max(y.abs()) {
+            size if size > two_to(400) => two_to(-600),
+            size if size < two_to(-400) => two_to(600),
+            _ => 1.0,
+        };
+        let [x, y] = [by * x, by * y];
+        let is_exact = [x, y].iter().all(|x| *x == 0.0 || x.abs() >= two_to(-480));
+        is_exact.then_some(robust::Coord { x, y })
+    };
+    robust::orient2d(scaled(right)?, scaled(left)?, robust::Coord { x: 0.0, y: 0.0 }).partial_cmp(&0.0)
 }
 
 /// Finds the discs that an eye sees. Only keeps scratch memory between calls. Use one per thread.

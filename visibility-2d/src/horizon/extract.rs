@@ -6,6 +6,7 @@
 //! are ignored here.
 
 use super::frame::UpAxis;
+use super::kernel::Kernel;
 use super::outline::Post;
 use alloc::vec::Vec;
 use visibility_core::OccluderMesh;
@@ -42,9 +43,6 @@ pub(crate) struct Solid {
     pub(crate) count: u32,
     /// Bound on the distance in metres of each post from a point of the exact solid.
     pub(crate) error: f64,
-    /// Part of `error` that is not due to rounding, in metres: how far the hull of the posts may reach out of
-    /// the mesh at a dent.
-    pub(crate) dent: f64,
     /// Height in metres below which the eye must not be, because the solid has no face there. Negative
     /// infinity for a closed solid.
     pub(crate) open_below: f64,
@@ -94,17 +92,20 @@ impl Solids {
 
     fn add_convex(&mut self, mesh: &OccluderMesh, transform: &Affine3A, up: UpAxis) {
         if mesh.positions().len() <= MAX_POSTS {
+            let Some(kernel) = Kernel::new(mesh) else { return };
             let first = self.posts.len();
             let mut size = 0.0f64;
-            for p in mesh.positions() {
-                let (p, by) = placed(p.as_dvec3(), transform);
+            for vertex in 0..mesh.positions().len() as u32 {
+                let Some(p) = kernel.nearest(vertex) else {
+                    self.posts.truncate(first);
+                    return;
+                };
+                let (p, by) = placed(p, transform);
                 size = size.max(by);
                 let [x, y, z] = up.split(p);
                 self.add_post(first, Post { x, y, low: z, high: z });
             }
-            // A convex mesh may have dents of two `f32` steps of its largest coordinate. A cuboid has none.
-            let dent = if mesh.is_cuboid() { 0.0 } else { 4.0 * f64::from(f32::EPSILON) * size };
-            self.finish(first, transform, size, Shape::Convex, dent, f64::NEG_INFINITY);
+            self.finish(first, transform, size, Shape::Convex, f64::NEG_INFINITY);
         }
     }
 
@@ -128,7 +129,6 @@ impl Solids {
         transform: &Affine3A,
         size: f64,
         shape: Shape,
-        dent: f64,
         open_below: f64,
     ) {
         let count = self.posts.len() - first;
@@ -139,10 +139,10 @@ impl Solids {
             self.posts.truncate(first);
             return;
         }
-        let error = dent + rounding(transform, size);
+        let error = rounding(transform, size);
         let face = face(&self.posts[first..]);
         let (first, count) = (first as u32, count as u32);
-        self.solids.push(Solid { shape, first, count, error, dent, open_below, face });
+        self.solids.push(Solid { shape, first, count, error, open_below, face });
     }
 
     /// Removes solids, from index `begin` on, whose upright face is smaller than [`MIN_FACE`] of the largest
@@ -244,7 +244,7 @@ impl Solids {
         }
         let first = self.posts.len();
         self.posts.extend(hull.iter().map(|p| Post { x: p[0], y: p[1], low, high }));
-        self.finish(first, transform, size, Shape::Convex, 0.0, low);
+        self.finish(first, transform, size, Shape::Convex, low);
         Some(())
     }
 }
@@ -454,10 +454,10 @@ mod tests {
             let mut solids = Solids::default();
             solids.posts.extend([good]);
             solids.posts.extend(posts);
-            solids.finish(1, &Affine3A::IDENTITY, 9.0, Shape::Convex, 0.25, 0.0);
+            solids.finish(1, &Affine3A::IDENTITY, 9.0, Shape::Convex, 0.0);
             (solids.solids.first().map(|solid| (solid.first, solid.count, solid.error)), solids.posts.len())
         };
-        assert_eq!(finish(&[good, good]), (Some((1, 2, 0.25)), 3), "two posts, off by the dent alone");
+        assert_eq!(finish(&[good, good]), (Some((1, 2, 0.0)), 3), "two posts, not off under the identity");
         assert_eq!(finish(&[good]), (None, 1), "one post");
         let not = f64::INFINITY;
         let others = [
@@ -470,20 +470,6 @@ mod tests {
             assert_eq!(finish(&[good, other]), (None, 1), "{other:?}");
             assert_eq!(finish(&[other, good]), (None, 1), "{other:?}");
         }
-    }
-
-    /// A convex mesh that is no cuboid may have dents of two steps of `f32` of its greatest coordinate.
-    #[test]
-    fn convex_solids_allow_for_dents() {
-        let at = |x, y, z| Vec3::new(x, y, z) * 1000.0;
-        let [a, b, c, d] = [at(0.0, 0.0, 0.0), at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0), at(0.0, 0.0, 1.0)];
-        let mesh = OccluderMesh::from_triangles(&[[a, c, b], [a, b, d], [b, c, d], [c, a, d]]).unwrap();
-        assert!(mesh.is_convex(), "a tetrahedron");
-        let mut solids = Solids::default();
-        solids.add_mesh(&mesh, &Affine3A::IDENTITY, UpAxis::Z, false);
-        let step = f64::from(1000f32.next_up()) - 1000.0;
-        assert_eq!(solids.solids.len(), 1, "a tetrahedron is a solid");
-        assert!(solids.solids[0].error >= 2.0 * step, "{} for dents", solids.solids[0].error);
     }
 
     /// The largest upright face: the longer side on the plan times the height.

@@ -31,8 +31,10 @@ const MAX_COLUMNS: usize = 1 << 14;
 /// prepared occluders, and is faster.
 ///
 /// # Cost
-/// Drawing an occluder takes about 0.8 us, testing a box about 40 ns. Memory: about 40 bytes for each column
-/// of the four faces.
+/// Drawing an occluder takes about 0.8 us, testing a box about 40 ns. A convex mesh that is no box takes 2 us
+/// with 8 vertices and 24 us with 32, since each vertex is compared with each face;
+/// [`HorizonOccluders`](super::HorizonOccluders) do that once. Memory: about 40 bytes for each column of the
+/// four faces.
 ///
 /// ```
 /// use visibility_2d::horizon::{Horizon, UpAxis};
@@ -205,7 +207,7 @@ mod tests {
     }
 
     fn solid(shape: Shape, error: f64, open_below: f64) -> Solid {
-        Solid { shape, first: 0, count: 4, error, dent: 0.0, open_below, face: 1.0 }
+        Solid { shape, first: 0, count: 4, error, open_below, face: 1.0 }
     }
 
     /// Posts of a wall, or of a solid, whose near side is `x` metres away.

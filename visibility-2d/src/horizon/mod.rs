@@ -34,6 +34,7 @@ mod crowns;
 mod culler;
 mod extract;
 mod frame;
+mod kernel;
 mod map;
 mod occluders;
 mod outline;

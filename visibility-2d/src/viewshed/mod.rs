@@ -4,7 +4,7 @@
 //! divided into two triangles by the diagonal from its sample `(row, column)` to `(row + 1, column + 1)`. The
 //! terrain is these triangles with all that is below them; nothing is interpolated otherwise. Samples without
 //! a height (see [`HeightRaster::new`]) and the edges at them hide nothing; beside them an edge hides nothing
-//! exactly at its end.
+//! exactly at its end, unless edges on the other side of that end do.
 //!
 //! **Target.** The target of a sample is the point above the sample, at the target height above its ground.
 //! A target is visible if the segment from the observer's eye to it passes no edge of the surface below that

@@ -131,10 +131,10 @@ impl Viewshed {
     ) {
         let (rows, columns, cell) = (raster.rows(), raster.columns(), raster.cell());
         let [row, column] = observer.position;
-        let (origin, center, length, width, step) = if quarter.along_row {
-            (column, row, columns, rows, cell[1])
+        let (origin, center, length, width, [step, step_across]) = if quarter.along_row {
+            (column, row, columns, rows, [cell[1], cell[0]])
         } else {
-            (row, column, rows, columns, cell[0])
+            (row, column, rows, columns, cell)
         };
         let sample = |along: usize, across: usize| {
             if quarter.along_row { (across, along) } else { (along, across) }
@@ -156,7 +156,10 @@ impl Viewshed {
             if ahead * step > reach {
                 break;
             }
-            self.far.fill(ahead, center, width, |across| {
+            // A line of sight to a sample within the greatest distance meets edges whose samples are less
+            // than two farther across. A third is for the rounding of the quotient.
+            let across = (ahead.max(0.0) + 2.0).min(reach / step_across + 3.0);
+            self.far.fill(ahead, [center - across, center + across], center, width, |across| {
                 let (row, column) = sample(along, across);
                 observer.ground(raster, row, column) - eye.height
             });
@@ -241,13 +244,19 @@ impl Viewshed {
 }
 
 impl Column {
-    /// Fills the column with the samples of a quarter at a distance `ahead` of the eye, and two columns'
-    /// worth
-    /// more to either side: a diagonal from there may lead into the quarter.
-    fn fill(&mut self, ahead: f64, center: f64, width: usize, above_eye: impl FnMut(usize) -> f64) {
-        let reach = ahead.max(0.0) + 2.0;
-        let first = (center - reach).max(0.0) as usize;
-        let last = ((center + reach) as usize).saturating_add(1).min(width);
+    /// Fills the column, at a distance `ahead` of the eye, with the samples between two places `ends` across
+    /// the quarter. These are two samples beyond all that lines of sight meet to either side: a diagonal from
+    /// there may lead into the quarter.
+    fn fill(
+        &mut self,
+        ahead: f64,
+        [low, high]: [f64; 2],
+        center: f64,
+        width: usize,
+        above_eye: impl FnMut(usize) -> f64,
+    ) {
+        let first = low.max(0.0) as usize;
+        let last = (high as usize).saturating_add(1).min(width);
         self.ahead = ahead;
         self.first = first;
         self.above_eye.clear();

@@ -1,6 +1,5 @@
 //! Upright convex solids of a scene as rings on the plan, updated when the scene changes.
 
-use super::lines::{Point, left_of};
 use crate::horizon::{Post, Solids, UpAxis, convex_hull};
 use alloc::vec::Vec;
 use visibility_core::Scene;
@@ -23,8 +22,8 @@ pub(crate) struct PlanSolid {
     pub(crate) object: u32,
     first: u32,
     count: u32,
-    /// Bound in metres on the distance between each post and a point of the exact solid. 0 if the solid is
-    /// the hull of its posts.
+    /// Bound in metres on the distance between each post and a point of the exact solid. 0 if the hull of the
+    /// posts is inside the solid.
     pub(crate) error: f64,
     /// Least corner of the bounds on the plan, in metres.
     pub(crate) min: [f64; 2],
@@ -64,10 +63,7 @@ impl PlanSolids {
             found.clear();
             found.add_mesh(mesh, transform, self.up, false);
             for solid in &found.solids {
-                let posts = found.posts(solid);
-                let is_exact = is_prism(posts, solid.dent);
-                let error = if is_exact { solid.error - solid.dent } else { solid.error };
-                self.add(id.index() as u32, posts, error, &mut plan);
+                self.add(id.index() as u32, found.posts(solid), solid.error, &mut plan);
             }
         }
     }
@@ -96,25 +92,4 @@ impl PlanSolids {
             high: fold(f64::max, f64::NEG_INFINITY, |p| p.high),
         });
     }
-}
-
-/// Returns whether a mesh is exactly the hull of its posts: a prism between two heights, without a corner so
-/// flat that a face may omit it. The mesh must be convex up to dents of depth `dent`.
-fn is_prism(posts: &[Post], dent: f64) -> bool {
-    let Some(first) = posts.first() else { return false };
-    if dent == 0.0 {
-        return true;
-    }
-    let mut plan: Vec<[f64; 2]> = posts.iter().map(|post| [post.x, post.y]).collect();
-    plan.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-    let hull = convex_hull(&plan);
-    let at = |i: usize| hull.get(i % hull.len()).map_or(Point::default(), |p| Point::exact(p[0], p[1]));
-    hull.len() == posts.len()
-        && hull.len() > 2
-        && posts.iter().all(|post| post.low == first.low && post.high == first.high)
-        && first.high - first.low > 4.0 * dent
-        && (0..hull.len()).all(|i| {
-            let (a, b, c) = (at(i), at(i + 1), at(i + 2));
-            left_of(a, b, c) > 4.0 * dent * ((c.x - a.x).abs() + (c.y - a.y).abs())
-        })
 }

@@ -1,7 +1,7 @@
 //! Rays cast at hidden objects, triangle by triangle, for the tests of several cullers.
 
-use visibility_core::OccluderMesh;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
+use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Scene};
 
 /// Triangle in the scene: its corners, counter-clockwise from the front, and whether its back occludes too.
 pub(crate) type Face = ([DVec3; 3], bool);
@@ -62,4 +62,15 @@ pub(crate) fn is_blocked(from: DVec3, to: DVec3, near: (DVec3, f64), faces: &[Fa
             && inside(b, c)
             && inside(c, a)
     })
+}
+
+/// Returns a scene of an occluder and a box that occludes nothing, and the box's id.
+pub(crate) fn scene_of(mesh: &OccluderMesh, transform: Affine3A, bounds: Aabb) -> (Scene, ObjectId) {
+    let mut scene = Scene::new();
+    let around = mesh.bounds().transformed(&transform);
+    let occluder = scene.insert(Object { occluder: true, ..Object::new(around) });
+    let mesh = scene.add_mesh(mesh.clone());
+    scene.set_mesh(occluder, mesh, transform).unwrap();
+    let target = scene.insert(bounds);
+    (scene, target)
 }

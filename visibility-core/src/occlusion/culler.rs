@@ -322,6 +322,12 @@ impl<M: OcclusionMap, H: BoxHierarchy> Culler for OcclusionCuller<M, H> {
         }
     }
 
+    fn draws_other_view(&mut self) {
+        if !self.map.answers_at_once() {
+            self.map.reset();
+        }
+    }
+
     fn reset(&mut self) {
         self.experience = Experience::default();
         self.map.reset();

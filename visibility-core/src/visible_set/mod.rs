@@ -73,6 +73,8 @@ pub struct VisibleSet {
     /// If true, the set holds every object on `layers` and `words` is ignored.
     everything: bool,
     layers: u32,
+    /// Layers that all views of the set draw: those of `layers` that all sets of a union have.
+    common_layers: u32,
     /// List of the set's objects; `listing` tells whether it is made and what it holds.
     ids: Vec<ObjectId>,
     listing: Listing,
@@ -125,6 +127,7 @@ impl VisibleSet {
             layout: Stamp::NONE,
             everything: true,
             layers: u32::MAX,
+            common_layers: u32::MAX,
             ids: Vec::new(),
             listing: Listing::Masks,
             index_limit: 0,
@@ -150,6 +153,7 @@ impl VisibleSet {
     /// itself.
     pub fn fill(&mut self, scene: &Scene, view: &View) {
         self.layers = view.layers();
+        self.common_layers = view.layers();
         self.everything = true;
         self.listing = Listing::Masks;
         self.layout = scene.layout();
@@ -160,6 +164,7 @@ impl VisibleSet {
     /// [`union`](Self::union) of several sets. Takes constant time once the set's memory has grown.
     pub fn clear(&mut self, scene: &Scene) {
         self.layers = 0;
+        self.common_layers = u32::MAX;
         self.everything = false;
         self.listing = Listing::Masks;
         self.layout = scene.layout();
@@ -212,6 +217,7 @@ impl VisibleSet {
             self.add(scene, &|node| other.mask(scene, node));
         }
         self.layers |= other.layers;
+        self.common_layers &= other.common_layers;
         self.listing = Listing::Masks;
     }
 
@@ -595,6 +601,26 @@ impl VisibleSet {
         self.layers
     }
 
+    /// Returns the layers that each view of the set has: [`layers`](Self::layers), but for a
+    /// [union](Self::union) only those of all its sets. A view of the set is sure to draw only objects on one
+    /// of these, so only they can hide objects from all views of the set. All layers for a cleared set.
+    ///
+    /// ```
+    /// use visibility_core::{Pose, Scene, View, VisibleSet, glam::DVec3};
+    /// let (scene, mut both, mut set) = (Scene::new(), VisibleSet::new(), VisibleSet::new());
+    /// both.clear(&scene);
+    /// let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    /// for layers in [0b011, 0b110] {
+    ///     set.fill(&scene, &View::perspective(pose, 1.0, 1.0, 0.1, 9.0)?.with_layers(layers));
+    ///     both.union(&scene, &set);
+    /// }
+    /// assert_eq!((both.layers(), both.common_layers()), (0b111, 0b010));
+    /// # Ok::<(), visibility_core::view::ViewError>(())
+    /// ```
+    pub fn common_layers(&self) -> u32 {
+        self.common_layers
+    }
+
     /// Returns the number of objects that are never culled and share a layer with the set.
     pub(crate) fn unculled_count(&self, scene: &Scene) -> u64 {
         let leaves = scene.tree().unculled.iter();
@@ -602,12 +628,14 @@ impl VisibleSet {
     }
 
     /// Calls `each` for the objects of the set that [can occlude](Scene::can_occlude), in the order of the
-    /// hierarchy: those flagged as occluders, without those that are never culled or fade.
+    /// hierarchy: those flagged as occluders, without those that are never culled or fade. Of a union, only
+    /// those on a [layer of all its sets](Self::common_layers): other views do not draw them.
     pub fn for_each_occluder(&self, scene: &Scene, mut each: impl FnMut(ObjectId)) {
         let mut walk = self.leaves(scene);
         loop {
             if scene.tree().root != NONE {
-                for lane in lanes(walk.mask & scene.tree().occluding(walk.leaf)) {
+                let drawn = scene.lanes_on_layers(walk.leaf, self.common_layers);
+                for lane in lanes(walk.mask & drawn & scene.tree().occluding(walk.leaf)) {
                     each(walk.ids[lane]);
                 }
             }
@@ -623,6 +651,10 @@ impl VisibleSet {
     /// for each leaf with an object of the set.
     pub fn fingerprint(&self, scene: &Scene) -> (Stamp, u64) {
         let mut hash = Fingerprint::new().with(self.layers);
+        // The walk leaves out objects that are never culled.
+        for &leaf in &scene.tree().unculled {
+            hash = hash.with(leaf).with_u64(self.unculled_mask(scene, leaf as usize));
+        }
         let mut walk = self.leaves(scene);
         loop {
             hash = hash.with(walk.leaf as u32).with_u64(walk.mask);
@@ -632,11 +664,22 @@ impl VisibleSet {
         }
     }
 
+    /// Returns the mask of the set's objects in a leaf outside the tree, which holds objects that are never
+    /// culled.
+    #[inline]
+    fn unculled_mask(&self, scene: &Scene, leaf: usize) -> u64 {
+        let is_stored = self.is_current(scene) && self.is_finished();
+        if is_stored { self.words[leaf] } else { scene.lanes_on_layers(leaf, self.layers) }
+    }
+
     /// Returns whether the object in a lane of a leaf is in the set, by the masks and layers of the set.
     #[inline]
     fn holds(&self, scene: &Scene, leaf: usize, lane: usize) -> bool {
         let tree = scene.tree();
-        if !self.is_current(scene) || tree.is_unculled_leaf(leaf) && !self.is_finished() {
+        if tree.is_unculled_leaf(leaf) {
+            return self.unculled_mask(scene, leaf) >> lane & 1 != 0;
+        }
+        if !self.is_current(scene) {
             return scene.lanes_on_layers(leaf, self.layers) >> lane & 1 != 0;
         }
         tree.path(leaf, lane).all(|(node, lane)| self.words[node] >> lane & 1 != 0)

@@ -87,6 +87,8 @@ fn run(seed: u64, frames: usize) -> usize {
     };
     let mut culler = OcclusionCuller::new(HardwareQueries::new(card, LateAnswers::Visible));
     let (mut truth, mut set, mut hidden) = (PlainMap::new(96, 60), VisibleSet::new(), 0);
+    // Number of frames left in which the card draws another view than the culler culls for.
+    let mut frozen = 0;
     for frame in 0..frames {
         match random.below(40) {
             0 => eye = random.vector(12.0),
@@ -101,10 +103,16 @@ fn run(seed: u64, frames: usize) -> usize {
             }
             5 => scene.set_origin(random.vector(1.0)).unwrap(),
             6 => scene.rebuild(),
+            7 if frozen == 0 => frozen = random.below(6) + 1,
             _ => {}
         }
         view = view_from(eye, DVec3::ZERO);
-        (culler.map_mut().device_mut().view, culler.map_mut().device_mut().origin) = (view, scene.origin());
+        let drawn = if frozen > 1 { view_from(random.vector(12.0), DVec3::ZERO) } else { view };
+        if frozen > 0 {
+            culler.draws_other_view();
+            frozen -= 1;
+        }
+        (culler.map_mut().device_mut().view, culler.map_mut().device_mut().origin) = (drawn, scene.origin());
         // Some frames are looked at ahead once or twice.
         let looks = [0, 0, 1, 2][random.below(4)];
         for look in 0..=looks {

@@ -221,8 +221,14 @@ impl ExtendedProjectionCuller {
             }
             let mut left = asked.clone();
             stats += self.cull_behind(scene, &Viewcell::from_box(min, max), &occluding, &mut left, stop);
-            stats += asked.retain(scene, |id, _| !left.contains(scene, id));
-            if stats.visible == 0 || stop() {
+            // Objects that are never culled stay in both sets, and are no reason to go on.
+            let mut is_asked = false;
+            stats += asked.retain(scene, |id, _| {
+                let is_hidden = !left.contains(scene, id);
+                is_asked |= is_hidden;
+                is_hidden
+            });
+            if !is_asked || stop() {
                 break;
             }
         }

@@ -19,12 +19,14 @@ use visibility_testing::Random;
 pub struct World {
     pub scene: Scene,
     pub triangles: Vec<([DVec3; 3], bool)>,
+    /// The object of each triangle.
+    pub owners: Vec<ObjectId>,
     pub bounds: Vec<(ObjectId, Aabb)>,
 }
 
 impl World {
     pub fn new() -> Self {
-        Self { scene: Scene::new(), triangles: Vec::new(), bounds: Vec::new() }
+        Self { scene: Scene::new(), triangles: Vec::new(), owners: Vec::new(), bounds: Vec::new() }
     }
 
     /// Adds an object that hides nothing.
@@ -53,6 +55,7 @@ impl World {
         for t in mesh.triangles() {
             let [a, b, c] = t.map(|i| place(mesh.positions()[i as usize]));
             self.triangles.push((if mirrored { [a, c, b] } else { [a, b, c] }, two_sided));
+            self.owners.push(id);
         }
         let mesh = self.scene.add_mesh(mesh);
         self.scene.set_mesh(id, mesh, transform).unwrap();
@@ -61,6 +64,15 @@ impl World {
 
     pub fn add_box(&mut self, min: [f32; 3], max: [f32; 3]) -> ObjectId {
         self.add(&cuboid(min, max), false, Affine3A::IDENTITY).unwrap()
+    }
+
+    /// Returns the world as a view with some layers draws it: without triangles and bounds of other objects.
+    pub fn on_layers(&self, layers: u32) -> Self {
+        let is_drawn = |id: ObjectId| self.scene.object(id).is_ok_and(|o| o.layers & layers != 0);
+        let triangles = self.owners.iter().zip(&self.triangles).filter(|(id, _)| is_drawn(**id));
+        let (owners, triangles) = triangles.unzip();
+        let bounds = self.bounds.iter().copied().filter(|(id, _)| is_drawn(*id)).collect();
+        Self { scene: self.scene.clone(), triangles, owners, bounds }
     }
 
     /// Returns whether a segment misses all occluding triangles by more than rounding.

@@ -25,7 +25,8 @@ pub trait QueryDevice {
     /// - *When*: the culler asks while it culls, before the frame is drawn. Put the query in a queue, and run
     ///   it against the depth buffer of this frame, with the camera of this frame, after the objects that
     ///   this cull or look ahead has left are drawn. The depth buffer of the frame before holds objects that
-    ///   this frame may not draw.
+    ///   this frame may not draw. The camera is that of the view that the culler has culled for, unless a
+    ///   pipeline is [frozen](crate::Pipeline::freeze): it then ignores the answers.
     /// - *Depth test*: equal depth passes (`LESS_EQUAL`; with reversed depth `GREATER_EQUAL`), since an
     ///   object may lie on the surface of its box, and would hide itself. Boxes write neither depth nor
     ///   colour, and no face is culled by its direction.
