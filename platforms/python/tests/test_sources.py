@@ -1,4 +1,4 @@
-"""Scenes from other packages' objects, which stand-ins replace here: what hides, what does not, and what is left out."""
+"""Scenes from other packages' objects, which stand-ins replace here: what hides, and what is left out."""
 
 import sys
 from types import ModuleType, SimpleNamespace

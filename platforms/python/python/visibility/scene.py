@@ -7,8 +7,8 @@ import numpy as np
 
 from . import _visibility
 
-#: Classes of IFC whose bodies are no matter. IfcSpatialElement and IfcPositioningElement came after IFC2X3. Sites, which
-#: are spatial as well, are ground.
+#: Classes of IFC whose bodies are no matter. IfcSpatialElement and IfcPositioningElement came after IFC2X3. Sites are
+#: spatial as well, and are ground.
 _IFC_NO_MATTER = (
     "IfcAnnotation",
     "IfcFeatureElementSubtraction",
@@ -104,7 +104,9 @@ class Scene(_visibility.Scene):
         return cls._from_meshes(meshes, origin, two_sided, occluders), names
 
     @classmethod
-    def from_cityjson(cls, source, *, lod=None, transparent=_CITY_TRANSPARENT, occluder=None, origin=None, two_sided=False):
+    def from_cityjson(
+        cls, source, *, lod=None, transparent=_CITY_TRANSPARENT, occluder=None, origin=None, two_sided=False
+    ):
         """Makes a scene of a CityJSON file, or of what ``json.load`` made of one. Returns the scene and the ids of its
         objects, a list. ``lod``: the level of detail as a string; ``None`` for each object's finest with surfaces of
         its own. Objects without surfaces are left out, and so are copies of templates and surfaces of closure, which
@@ -133,7 +135,8 @@ class Scene(_visibility.Scene):
             if not geometries:
                 continue
             finest = max(geometries, key=lambda geometry: float(geometry.get("lod", 0)))
-            hides = city_object.get("type") not in transparent if occluder is None else bool(occluder(name, city_object))
+            is_clear = city_object.get("type") in transparent
+            hides = not is_clear if occluder is None else bool(occluder(name, city_object))
             parts = {True: [], False: []}
             for rings, kind, materials in _surfaces(finest):
                 if kind not in _CITY_NO_MATTER:
