@@ -31,8 +31,8 @@ pub(super) struct Document {
     /// Whether an animation by `KHR_animation_pointer` or a graph of `KHR_interactivity` may show the node
     /// though it is hidden at rest, by node index.
     pub is_shown: Vec<bool>,
-    /// Whether an animation by `KHR_animation_pointer` or a graph of `KHR_interactivity` changes morph weights
-    /// of the mesh, by mesh index. Their values are not read.
+    /// Whether an animation by `KHR_animation_pointer` or a graph of `KHR_interactivity` changes morph
+    /// weights of the mesh, by mesh index. Their values are not read.
     pub is_mesh_pointed_at: Vec<bool>,
     /// Perspective cameras of the nodes.
     pub cameras: Vec<Camera>,
@@ -403,9 +403,9 @@ fn named<'a, T>(part: &str, items: &'a mut [T]) -> &'a mut [T] {
     items.get_mut(range).unwrap_or_default()
 }
 
-/// Notes the target of an animation by `KHR_animation_pointer`, or of a graph. Sets the flag of an animated node in `nodes`,
-/// and of a mesh with animated morph weights in `meshes`, by index. A material with an animated transmission
-/// factor is changed to alpha mode `BLEND`, since it may become see-through.
+/// Notes the target of an animation by `KHR_animation_pointer`, or of a graph. Sets the flag of an
+/// animated node in `nodes`, and of a mesh with animated morph weights in `meshes`, by index. A material
+/// with an animated transmission factor is changed to alpha mode `BLEND`, since it may become see-through.
 fn point_at(pointer: &str, root: &mut Root, nodes: &mut [bool], meshes: &mut [bool]) {
     match pointer.split('/').collect::<Vec<_>>()[..] {
         ["", "nodes", node, ..] => named(node, nodes).fill(true),

@@ -575,11 +575,12 @@ impl Collector<'_> {
 }
 
 /// Returns whether a matrix makes shapes flat, up to the rounding of a renderer in `f32`: their volume is a
-/// hundred-thousandth of the volume that the lengths of the axes allow, or less. Such a transform may mirror or not.
+/// hundred-thousandth of the volume that the lengths of the axes allow, or less. Such a transform may mirror
+/// or not. True for an axis that is not finite.
 fn is_flat(matrix: &DMat4) -> bool {
     let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|axis| axis.truncate());
     let volume = x.normalize_or_zero().dot(y.normalize_or_zero().cross(z.normalize_or_zero()));
-    !(volume.abs() > 1e-5)
+    volume.abs() <= 1e-5
 }
 
 /// Vertex order of a primitive: which vertices the corners of each triangle are.

@@ -285,9 +285,9 @@ impl Motion {
     }
 }
 
-/// Reads the times of a sampler's keys in seconds. Returns an error for an accessor without a buffer view that
-/// has the time 0 more than once, since times must increase. Thus the size of the file bounds the number of
-/// keys of a sampler.
+/// Reads the times of a sampler's keys in seconds. Returns an error for an accessor without a buffer view
+/// that has the time 0 more than once, since times must increase. Thus the size of the file bounds the
+/// number of keys of a sampler.
 fn times(sampler: &gltf::animation::Sampler<'_>, buffers: &Buffers<'_>) -> Result<Vec<f32>, SourceError> {
     let input = sampler.input();
     let changed = input.sparse().map_or(0, |sparse| sparse.count());

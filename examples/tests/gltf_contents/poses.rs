@@ -161,10 +161,10 @@ fn poses_between_keys_are_within_the_bounds() {
 
 #[test]
 fn keys_half_a_turn_apart_bound_both_arcs() {
-    // In f64 the dot product of the first two rotations is -6e-9, and in f32 it is 0: they turn one way or the
-    // other. The second two are exactly half a turn about z apart.
-    let a = [0.023293351754546165_f32, 0.04658670350909233, 0.06988005340099335, 0.9961947202682495];
-    let b = [0.26624423265457153_f32, 0.5324884653091431, 0.7987326979637146, -0.08715574443340302];
+    // In f64 the dot product of the first two rotations is -6e-9, and in f32 it is 0: they turn one way or
+    // the other. The second two are exactly half a turn about z apart.
+    let a = [0.023_293_352_f32, 0.046_586_704, 0.069_880_05, 0.996_194_7];
+    let b = [0.266_244_23_f32, 0.532_488_47, 0.798_732_7, -0.087_155_744];
     let line = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
     for (a, b, corners) in [(a, b, CORNERS), ([0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.0], line)] {
         let mut file = File::new();
