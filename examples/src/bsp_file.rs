@@ -25,10 +25,13 @@ use std::path::Path;
 /// Unit of the games in metres: an inch.
 const INCH: f64 = 0.0254;
 
+/// Offset in bytes of the flags of a texture info of Quake 2.
+const FLAGS_AT: usize = 32;
 /// Flag of Quake 2 for sky.
 const SKY: u32 = 0x4;
-/// Flags of Quake 2 for liquids that move, and for panes of two strengths.
-const SEE_THROUGH: u32 = 0x8 | 0x10 | 0x20;
+/// Flags of Quake 2 for liquids that move, for panes of two strengths, and for textures with holes, which
+/// later engines and the remastered game added.
+const SEE_THROUGH: u32 = 0x8 | 0x10 | 0x20 | 0x0200_0000;
 /// Flags of Quake 2 for surfaces that are not drawn, and for those that only guide the map compiler.
 const UNDRAWN: u32 = 0x80 | 0x100 | 0x200;
 
@@ -135,6 +138,12 @@ impl Level {
         let mut reader = BspByteReader::new(bytes, context).with_pos(reader.pos());
         let directory: LumpDirectory = reader.read().map_err(of("header"))?;
         let infos: Vec<BspTexInfo> = list(bytes, directory.tex_info, "texture infos", context)?;
+        // qbsp drops the flags that it does not know.
+        let flags = directory.tex_info.get(bytes).map_err(of("texture infos"))?;
+        let size = BspTexInfo::bsp_struct_size(context).max(1);
+        let flags = flags.chunks(size).map(|info| {
+            info.get(FLAGS_AT..).and_then(<[u8]>::first_chunk).map_or(0, |flags| u32::from_le_bytes(*flags))
+        });
         let textures = match *directory.textures {
             Some(entry) => texture_names(entry.get(bytes).map_err(of("textures"))?, context),
             None => Vec::new(),
@@ -148,7 +157,7 @@ impl Level {
             leaves: list(bytes, directory.leaves, "leaves", context)?,
             leaf_faces: list(bytes, directory.mark_surfaces, "faces of leaves", context)?,
             models: list(bytes, directory.models, "models", context)?,
-            surfaces: infos.iter().map(|info| surface(info, &textures)).collect(),
+            surfaces: infos.iter().zip(flags).map(|(info, flags)| surface(info, flags, &textures)).collect(),
         })
     }
 
@@ -244,11 +253,10 @@ fn texture_names(bytes: &[u8], context: &BspParseContext) -> Vec<String> {
     offsets.into_iter().map(|at| header(at).map_or(String::new(), |header| header.name.to_string())).collect()
 }
 
-/// Returns how faces of a texture are drawn: by flags in Quake 2, by the texture's name in the other games.
-fn surface(info: &BspTexInfo, textures: &[String]) -> Option<Surface> {
+/// Returns how faces of a texture are drawn: by `flags` in Quake 2, by the texture's name in the other games.
+fn surface(info: &BspTexInfo, flags: u32, textures: &[String]) -> Option<Surface> {
     if let Some(own) = &info.extra_info.0 {
         // Quake 2 names the texture in place.
-        let flags = info.flags.surface_flags.bits();
         let is_cut_out = own.name.as_str().starts_with('{');
         return if flags & UNDRAWN != 0 {
             None
@@ -432,6 +440,20 @@ mod tests {
         let (_, objects) = read(&level(29, true), &metres).unwrap();
         assert_eq!(objects[0].bounds().unwrap().1.x, 128.0, "units of two metres");
         assert!(!objects[0].one_sided, "drawn from both sides, as told");
+    }
+
+    #[test]
+    fn textures_with_holes_hide_nothing() {
+        let mut level = level(38, true);
+        let infos = u32::from_le_bytes(*level[8 + 8 * 5..].first_chunk().unwrap()) as usize;
+        level[infos + 32 + 3] = 0x02; // the flag 0x0200_0000 of the floor
+        let (_, objects) = read(&level, &Reading::default()).unwrap();
+        let kinds: Vec<_> = objects.iter().map(|object| (object.name.to_string(), object.opaque)).collect();
+        // The floor is in one object with the water.
+        let expected = [("leaf 1 see-through", false), ("leaf 1 sky", false), ("model 1", false)]
+            .map(|(a, b)| (a.into(), b));
+        assert_eq!(kinds, expected, "objects and whether they hide");
+        assert_eq!(objects[0].triangles.len(), 4, "triangles of the floor and the water");
     }
 
     #[test]

@@ -288,10 +288,10 @@ fn deformed_meshes_are_not_shared() {
 
 #[test]
 fn limits_are_of_what_is_kept() {
-    // 40,000 instances with forty million triangles in total: more than the memory limit for distinct
+    // 40,000 instances with 44 million triangles in total: more than the memory limit for distinct
     // triangles, in a file of half a megabyte.
     let mut file = File::new();
-    let corners: Vec<[f32; 3]> = (0..3000)
+    let corners: Vec<[f32; 3]> = (0..3300)
         .map(|i| [(i / 3) as f32 * 0.01, (i % 3 == 1) as u8 as f32, (i % 3 == 2) as u8 as f32])
         .collect();
     let positions = file.floats(&corners);
@@ -304,7 +304,7 @@ fn limits_are_of_what_is_kept() {
     let scene = with_walk(file.scene());
     assert_eq!(
         (scene.triangle_count(), scene.instances()),
-        (40_000_000, [40_000, 1]),
+        (44_000_000, [40_000, 1]),
         "triangles, instances and meshes"
     );
     let mut world = World::new(scene, (64, 36), Some(1)).expect("a world");
@@ -319,11 +319,55 @@ fn limits_are_of_what_is_kept() {
         assert!(error.contains("it copies the triangles of each instance"), "{name}: {error}");
     }
     // More triangles than the judge can number are refused before any is placed.
-    for _ in 0..110 {
+    for _ in 0..100 {
         file.node(json!({"mesh": 0, "extensions": extension}));
     }
     let error = parse(&file.glb(), Path::new("test.glb")).expect_err("too many").to_string();
     assert!(error.contains("triangles of all instances"), "{error}");
+}
+
+#[test]
+fn too_many_objects_are_refused_before_they_take_memory() {
+    // A file of a few kilobytes: copies without data of their own, of a mesh with a few primitives.
+    let mut copies = File::new();
+    let count = json!({"componentType": 5126, "count": 1 << 21, "type": "SCALAR"});
+    let count = copies.push("accessors", count);
+    let primitive = copies.root["meshes"][0]["primitives"][0].clone();
+    copies.root["meshes"][0]["primitives"] = json!(vec![primitive; 3]);
+    copies.node(json!({"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"_X": count}}}}));
+    // Nodes and primitives of one mesh.
+    let mut nodes = File::new();
+    nodes.root["meshes"][0]["primitives"] = json!(vec![json!({"attributes": {}}); 2100]);
+    (0..2000).for_each(|_| nodes.node(json!({"mesh": 0})));
+    // The same nodes, each without a copy of its mesh.
+    let mut none = File::new();
+    none.root["meshes"] = nodes.root["meshes"].clone();
+    let no_copy = none.push("accessors", json!({"componentType": 5126, "count": 0, "type": "VEC3"}));
+    let extension = json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": no_copy}}});
+    (0..2000).for_each(|_| none.node(json!({"mesh": 0, "extensions": extension})));
+    for (name, file) in [("copies", copies), ("nodes", nodes), ("no copies", none)] {
+        let file = file.glb();
+        let before = LIVE.get();
+        PEAK.set(before);
+        let error = parse(&file, Path::new("test.glb")).expect_err("too many").to_string();
+        let bytes = PEAK.get() - before;
+        assert!(
+            error.contains("nodes: with them, the scene has more than 4194304 objects"),
+            "{name}: {error}"
+        );
+        assert!(bytes < 20_000_000, "{name}: {bytes} bytes");
+    }
+}
+
+#[test]
+fn a_node_without_instance_attributes_shows_its_mesh_once() {
+    let mut file = File::new();
+    let extensions = [json!({"attributes": {}}), json!({})];
+    for extension in extensions.iter().cycle().take(4) {
+        file.node(json!({"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": extension}}));
+    }
+    let scene = file.scene();
+    assert_eq!((scene.objects.len(), scene.instances()), (4, [4, 1]), "objects, instances and their meshes");
 }
 
 /// Returns a file with `count` translated, rotated and stretched boxes: as copies of one node, or with a node

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
-use visibility_2d::cdt::{Plan, PlanView, RegionVisibility, Visibility, Wall};
+use visibility_2d::cdt::{Opacity, Plan, PlanView, RegionVisibility, Visibility, Wall};
 use visibility_examples::floor_plans::drawing::Drawing;
 use visibility_examples::floor_plans::forest_walk::{ForestWalk, REACH};
 use visibility_examples::floor_plans::{PlanFile, load_layers, questions, slice};
@@ -122,12 +122,14 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
         return walk(arguments, trees);
     }
     let path = arguments.file.as_deref().unwrap_or(std::path::Path::new(""));
-    let mut file = match arguments.slice {
+    let (mut file, opacities) = match arguments.slice {
         Some(height) => slice::load(&path.to_string_lossy(), height)?,
-        None => load_layers(path, &arguments.layer)?,
+        None => (load_layers(path, &arguments.layer)?, Vec::new()),
     };
     file.eyes.extend(&arguments.eye);
-    let walls: Vec<_> = file.walls.iter().map(|&[a, b]| Wall::new(a, b)).collect();
+    let opacities = opacities.into_iter().chain(std::iter::repeat(Opacity::Opaque));
+    let wall = |(&[a, b], opacity): (&[_; 2], _)| Wall::new(a, b).with_opacity(opacity);
+    let walls: Vec<_> = file.walls.iter().zip(opacities).map(wall).collect();
     let start = Instant::now();
     let plan = match arguments.margin {
         Some(margin) => Plan::from_walls(&walls, margin)?,

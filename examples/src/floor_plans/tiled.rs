@@ -19,7 +19,7 @@ const TURNS: u32 = 0xf000_0000;
 /// Most tiles of a layer or chunk: compressed layers of more are refused.
 const MOST_TILES: usize = 1 << 26;
 
-/// Number of chords of an ellipse.
+/// Number of chords of an ellipse, and of the two half circles of a capsule.
 const CHORDS: usize = 32;
 
 /// Reads the layers that are chosen by `wanted`, see `tiles::chosen`, as walls.
@@ -173,10 +173,19 @@ fn object(object: Node<'_, '_>, origin: [f64; 2], is_wall: bool, plan: &mut Plan
         (listed(polygon)?, true)
     } else if let Some(polyline) = shape("polyline") {
         (listed(polyline)?, false)
-    } else if shape("ellipse").is_some() {
+    } else if shape("ellipse").is_some() || shape("capsule").is_some() {
+        // A capsule is a rectangle with half circles in place of its shorter sides. The chords are within.
+        let radii = if shape("capsule").is_some() {
+            [0.5 * width.min(height); 2]
+        } else {
+            [0.5 * width, 0.5 * height]
+        };
         let corner = |k: usize| {
-            let (sin, cos) = (std::f64::consts::TAU * k as f64 / CHORDS as f64).sin_cos();
-            [0.5 * width * (1.0 + cos), 0.5 * height * (1.0 + sin)]
+            let (sin, cos) = (std::f64::consts::TAU * (k as f64 + 0.5) / CHORDS as f64).sin_cos();
+            let along = |side: f64, radius: f64, part: f64| {
+                0.5 * side + (0.5 * side - radius).copysign(part) + radius * part
+            };
+            [along(width, radii[0], cos), along(height, radii[1], sin)]
         };
         ((0..CHORDS).map(corner).collect(), true)
     } else {
@@ -266,16 +275,31 @@ mod tests {
             <object x="1" y="1"><polyline points="0,0 5,0 0,5"/></object>
             <object x="0" y="0" width="4" height="4"><ellipse/></object>
             <object x="3" y="4"><point/></object>
+            <object x="50" y="60" width="8" height="2"><capsule/></object>
+            <object x="50" y="60" width="2" height="8"><capsule/></object>
             <object x="3" y="4" width="9" height="9"><text>Sign</text></object>
             <object gid="5" x="3" y="4" width="9" height="9"/>"#;
         let plan = read(&map(CSV, objects), &["collision shapes".into()]).unwrap();
-        assert_eq!(plan.walls.len(), 4 + 4 + 3 + 2 + 32, "walls of each shape");
+        assert_eq!(plan.walls.len(), 4 + 4 + 3 + 2 + 3 * 32, "walls of each shape");
         assert_eq!(plan.walls[0], [[10.0, 20.0], [14.0, 20.0]], "a rectangle's upper side");
         // Turned clockwise on a screen, whose y is down, the side to the right leads down.
         let [from, to] = plan.walls[4];
         assert_eq!((from, to.map(f64::round)), ([10.0, 20.0], [10.0, 24.0]), "the turned rectangle's side");
         assert_eq!(plan.walls[9], [[6.0, 1.0], [1.0, 6.5]], "the polygon's long side");
         assert_eq!(plan.eyes, [[3.0, 4.0]], "the point");
+        for (first, long) in [(45, 0), (77, 1)] {
+            for [end, _] in &plan.walls[first..first + 32] {
+                // Relative to the middle of the nearer half circle, whose radius is 1.
+                let [along, across] = [end[long] - [50.0, 60.0][long], end[1 - long] - [60.0, 50.0][long]];
+                let distance = (along - along.clamp(1.0, 7.0)).hypot(across - 1.0);
+                assert!(
+                    (distance - 1.0).abs() < 1e-9,
+                    "a capsule's corner {end:?} is {distance} from its axis"
+                );
+            }
+            let lengths = plan.walls[first..first + 32].iter().map(|[a, b]| (a[0] - b[0]).hypot(a[1] - b[1]));
+            assert_eq!(lengths.filter(|length| *length > 6.0).count(), 2, "long sides of a capsule");
+        }
         let eyes = read(&map(CSV, objects), &["Ground".into()]).unwrap().eyes;
         assert_eq!(eyes, [[3.0, 4.0]], "eyes count on layers that have no walls");
     }

@@ -95,18 +95,20 @@ impl<'a> Buffers<'a> {
             Ok(bytes)
         });
         let bytes: Vec<Result<Rc<_>, String>> = bytes.collect();
-        // The first buffer with the same bytes as the one at an index, so that views of two names of one file
-        // are found to be the same.
-        let first = |index: usize| {
-            let same = |other: &Result<Rc<_>, _>| matches!((other, bytes.get(index)), (Ok(a), Some(Ok(b))) if Rc::ptr_eq(a, b));
-            bytes.iter().position(same).unwrap_or(index)
+        // For each buffer, the first buffer with the same bytes, so that views of two names of one file are
+        // found to be the same.
+        let mut firsts = HashMap::new();
+        let first = |(index, bytes): (usize, &Result<Rc<_>, _>)| match bytes {
+            Ok(bytes) => *firsts.entry(Rc::as_ptr(bytes)).or_insert(index),
+            Err(_) => index,
         };
+        let first: Vec<usize> = bytes.iter().enumerate().map(first).collect();
         let mut views = HashMap::new();
         let compressed = document.views().map(|view| {
             let extensions = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
             let extension = extensions.iter().find_map(|name| view.extension_value(name))?;
             Some(Compressed::new(extension).map(|mut parameters| {
-                parameters.buffer = first(parameters.buffer);
+                parameters.buffer = first.get(parameters.buffer).copied().unwrap_or(parameters.buffer);
                 let new = || CompressedView { parameters: parameters.clone(), decoded: OnceCell::new() };
                 Rc::clone(views.entry(parameters.clone()).or_insert_with(|| Rc::new(new())))
             }))
@@ -210,7 +212,7 @@ impl<'a> Buffers<'a> {
     }
 
     /// Makes an error that names the accessor by its index, with a description of the problem.
-    fn wrong(&self, accessor: &Accessor<'_>, problem: impl Into<String>) -> SourceError {
+    pub(super) fn wrong(&self, accessor: &Accessor<'_>, problem: impl Into<String>) -> SourceError {
         let place = format!("accessor {}", accessor.index());
         SourceError::content(self.path, place, problem)
     }

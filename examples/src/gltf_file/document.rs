@@ -25,14 +25,14 @@ pub(super) struct Document {
     /// Transforms from each node's space to its parent's, by node index, in the f64 precision of the JSON
     /// text.
     pub transforms: Vec<LocalTransform>,
-    /// Whether an animation by `KHR_animation_pointer` moves the node, by node index. The values of such
-    /// animations are not read.
+    /// Whether an animation by `KHR_animation_pointer` or an extension that is not read may move the node, by
+    /// node index. Where to is unknown.
     pub is_pointed_at: Vec<bool>,
-    /// Whether an animation by `KHR_animation_pointer` may show the node though it is hidden at rest, by node
-    /// index.
+    /// Whether an animation by `KHR_animation_pointer` or a graph of `KHR_interactivity` may show the node
+    /// though it is hidden at rest, by node index.
     pub is_shown: Vec<bool>,
-    /// Whether an animation by `KHR_animation_pointer` changes morph weights of the mesh, by mesh index. The
-    /// values of such animations are not read.
+    /// Whether an animation by `KHR_animation_pointer` or a graph of `KHR_interactivity` changes morph
+    /// weights of the mesh, by mesh index. Their values are not read.
     pub is_mesh_pointed_at: Vec<bool>,
     /// Perspective cameras of the nodes.
     pub cameras: Vec<Camera>,
@@ -115,7 +115,8 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
     };
     let unreadable = |error: serde_json::Error| wrong("document", error.to_string());
     let (read, beyond) = (Ok(Vec::new()), None);
-    let mut nodes = NodeReader { read, transforms: Vec::new(), with_camera: Vec::new(), beyond };
+    let (transforms, with_camera, is_pointed_at) = (Vec::new(), Vec::new(), Vec::new());
+    let mut nodes = NodeReader { read, transforms, is_pointed_at, with_camera, beyond };
     let mut root = json::parse_items(text, "nodes", &mut |node| nodes.take(node)).map_err(unreadable)?;
     let version = root.pointer("/asset/version").and_then(Value::as_str).unwrap_or_default();
     if !version.starts_with("2.") {
@@ -127,6 +128,7 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
     })?;
     let cameras = Camera::all(&root, &nodes.with_camera);
     let mut unread = Unread::new(&root, nodes.with_camera.len());
+    let graphs = pointers_within(root.pointer("/extensions/KHR_interactivity"));
     let pointers = strip(&mut root);
     unread.pointers = pointers.len();
 
@@ -134,16 +136,14 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
     // long.
     let mut root = Root::from_str(&root.to_string()).map_err(unreadable)?;
     root.nodes = nodes.read.map_err(unreadable)?;
-    let mut is_pointed_at = vec![false; root.nodes.len()];
+    let mut is_pointed_at = nodes.is_pointed_at;
     let mut is_shown = vec![false; root.nodes.len()];
     let mut is_mesh_pointed_at = vec![false; root.meshes.len()];
-    for pointer in &pointers {
+    for pointer in pointers.iter().chain(&graphs) {
         point_at(pointer, &mut root, &mut is_pointed_at, &mut is_mesh_pointed_at);
         let node = pointer.strip_prefix("/nodes/");
         let node = node.and_then(|node| node.strip_suffix("/extensions/KHR_node_visibility/visible"));
-        if let Some(is_shown) = node.and_then(|node| is_shown.get_mut(node.parse::<usize>().ok()?)) {
-            *is_shown = true;
-        }
+        node.into_iter().for_each(|node| named(node, &mut is_shown).fill(true));
     }
     // Checked here, because the validation of the `gltf` crate looks up position accessors without a bounds
     // check.
@@ -185,6 +185,8 @@ struct NodeReader {
     /// Nodes as read by the `gltf` crate, without their cameras, or the first error.
     read: serde_json::Result<Vec<Node>>,
     transforms: Vec<LocalTransform>,
+    /// Whether an extension of the node may move it, or draw another shape in its place.
+    is_pointed_at: Vec<bool>,
     /// Nodes with a camera, with their indices.
     with_camera: Vec<(usize, Value)>,
     /// First index of a node's JSON that exceeds 32 bits, with its key. `None` if there is none.
@@ -201,6 +203,7 @@ impl NodeReader {
             self.with_camera.push((self.transforms.len(), node.clone()));
         }
         self.transforms.push(LocalTransform::of(&node));
+        self.is_pointed_at.push(is_replaced(&node));
         if let Some(members) = node.as_object_mut() {
             members.remove("camera");
         }
@@ -209,6 +212,19 @@ impl NodeReader {
             Err(error) => self.read = Err(error),
         }
     }
+}
+
+/// Returns whether an extension of a node may move it, as a body of a simulation that is not static, or draw
+/// other shapes in its place, as coarser levels of detail, which need not lie within its bounds.
+fn is_replaced(node: &Value) -> bool {
+    let Some(extensions) = node.get("extensions") else { return false };
+    let is_static = |body: &Value| {
+        let kind = body.pointer("/motion/type").or_else(|| body.get("type"));
+        kind.and_then(Value::as_str) == Some("static") || (kind.is_none() && body.get("motion").is_none())
+    };
+    extensions.pointer("/KHR_physics_rigid_bodies/motion").is_some()
+        || extensions.get("OMI_physics_body").is_some_and(|body| !is_static(body))
+        || extensions.get("MSFT_lod").is_some()
 }
 
 /// JSON text of a GLB, and its binary chunk if it has one.
@@ -356,26 +372,52 @@ fn strip(root: &mut Value) -> Vec<String> {
     pointers
 }
 
-/// Notes the target of an animation by `KHR_animation_pointer`. Sets the flag of an animated node in `nodes`,
-/// and of a mesh with animated morph weights in `meshes`, by index. A material with an animated transmission
-/// factor is changed to alpha mode `BLEND`, since it may become see-through.
+/// Returns the pointers to nodes, meshes and materials in the text of a value, such as a graph of
+/// `KHR_interactivity`, whether they are read or set. Empty without a value.
+fn pointers_within(value: Option<&Value>) -> Vec<String> {
+    let (mut found, mut waiting): (_, Vec<&Value>) = (Vec::new(), value.into_iter().collect());
+    while let Some(value) = waiting.pop() {
+        match value {
+            Value::String(text)
+                if ["/nodes/", "/meshes/", "/materials/"].iter().any(|at| text.starts_with(at)) =>
+            {
+                found.push(text.clone());
+            }
+            Value::Array(items) => waiting.extend(items),
+            Value::Object(members) => waiting.extend(members.values()),
+            _ => {}
+        }
+    }
+    found
+}
+
+/// Returns the items whose index is a part of a pointer: one, or none, or all if a graph computes the index,
+/// which is then a name in braces.
+fn named<'a, T>(part: &str, items: &'a mut [T]) -> &'a mut [T] {
+    let count = items.len();
+    let range = match part.parse() {
+        Ok(index) if index < count => index..index + 1,
+        _ if part.starts_with('{') => 0..count,
+        _ => 0..0,
+    };
+    items.get_mut(range).unwrap_or_default()
+}
+
+/// Notes the target of an animation by `KHR_animation_pointer`, or of a graph. Sets the flag of an
+/// animated node in `nodes`, and of a mesh with animated morph weights in `meshes`, by index. A material
+/// with an animated transmission factor is changed to alpha mode `BLEND`, since it may become see-through.
 fn point_at(pointer: &str, root: &mut Root, nodes: &mut [bool], meshes: &mut [bool]) {
-    let index = |text: &str| text.parse().unwrap_or(usize::MAX);
-    let is_pointed_at = match pointer.split('/').collect::<Vec<_>>()[..] {
-        ["", "nodes", node, ..] => nodes.get_mut(index(node)),
-        ["", "meshes", mesh, ..] => meshes.get_mut(index(mesh)),
+    match pointer.split('/').collect::<Vec<_>>()[..] {
+        ["", "nodes", node, ..] => named(node, nodes).fill(true),
+        ["", "meshes", mesh, ..] => named(mesh, meshes).fill(true),
         ["", "materials", material, "extensions", extension, factor]
             if TRANSMITTING.iter().any(|&(name, key, _)| (name, key) == (extension, factor)) =>
         {
-            if let Some(material) = root.materials.get_mut(index(material)) {
+            for material in named(material, &mut root.materials) {
                 material.alpha_mode = Checked::Valid(AlphaMode::Blend);
             }
-            None
         }
-        _ => None,
-    };
-    if let Some(is_pointed_at) = is_pointed_at {
-        *is_pointed_at = true;
+        _ => {}
     }
 }
 

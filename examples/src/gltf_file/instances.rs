@@ -9,12 +9,12 @@ use std::path::Path;
 
 /// Returns an upper bound on the number of copies of a node's mesh without reading their transforms: the
 /// greatest element count of the extension's attributes, also of attributes that place no copy. 1 for a node
-/// without the extension.
+/// without the extension or without attributes.
 pub(super) fn instance_count(node: &gltf::Node<'_>, document: &gltf::Document) -> usize {
     let Some(extension) = node.extension_value("EXT_mesh_gpu_instancing") else { return 1 };
     let attributes = extension.get("attributes").and_then(Value::as_object).into_iter().flatten();
     let accessors = attributes.filter_map(|(name, _)| accessor_of(extension, name, document)?.ok());
-    accessors.map(|accessor| accessor.count()).max().unwrap_or(0)
+    accessors.map(|accessor| accessor.count()).max().unwrap_or(1)
 }
 
 /// Returns the accessor of an instance attribute, `None` if the extension has no such attribute. `Err` if the
@@ -34,13 +34,13 @@ pub(super) struct Instances {
     translations: Option<Vec<[f32; 3]>>,
     rotations: Option<Vec<[f32; 4]>>,
     scales: Option<Vec<[f32; 3]>>,
-    /// Number of copies. 1 for a node without the extension.
+    /// Number of copies. 1 for a node without the extension or without attributes.
     pub count: usize,
 }
 
 impl Instances {
-    /// Reads the copies of a node's mesh. A node without the extension has one copy, with the identity
-    /// transform.
+    /// Reads the copies of a node's mesh. A node without the extension, or without attributes of it, has one
+    /// copy, with the identity transform.
     ///
     /// # Errors
     ///

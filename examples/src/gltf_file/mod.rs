@@ -97,11 +97,17 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
         hints: vec![Vec::new(); nodes.parents.len()],
         unknown_hints: Vec::new(),
     };
-    collector.origin = buffers.uncharged(|| collector.origin_near_content())?;
     let shown = placed(&document, &nodes)
         .filter_map(|node| node.mesh().zip(Some(instance_count(&node, &document.gltf))));
-    let objects = shown.map(|(mesh, copies)| mesh.primitives().len().saturating_mul(copies));
-    collector.objects.reserve_exact(objects.fold(0, usize::saturating_add).min(MOST_OBJECTS));
+    // Primitives of a mesh without copies are read, though they become no objects.
+    let objects = shown.map(|(mesh, copies)| mesh.primitives().len().saturating_mul(copies.max(1)));
+    let objects = objects.fold(0, usize::saturating_add);
+    // Checked before anything is done for each object: the size of the file does not bound their number.
+    if objects > MOST_OBJECTS {
+        return Err(SourceError::content(path, "nodes", format!("with them, {}", too_many())));
+    }
+    collector.origin = buffers.uncharged(|| collector.origin_near_content())?;
+    collector.objects.reserve_exact(objects);
     for node in placed(&document, &nodes) {
         collector.add(&node)?;
     }
@@ -124,7 +130,7 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
             _ => format!("; {anywhere} of them count as visible from everywhere"),
         };
         notes.push(format!(
-            "{movers} of {} objects may move, by animations, skins or morph targets: they hide nothing, and \
+            "{movers} of {} objects may move, by animations, skins, morph targets or extensions: they hide nothing, and \
              their bounds are those over all clips{anywhere}",
             objects.len()
         ));
@@ -156,6 +162,11 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
 /// Returns the nodes of the scene that the program reads, in the order of the file.
 fn placed<'a>(document: &'a Document, nodes: &Nodes) -> impl Iterator<Item = gltf::Node<'a>> {
     nodes.placed.iter().filter_map(|&index| document.gltf.nodes().nth(index))
+}
+
+/// Returns the end of the message for too many objects or triangles.
+fn too_many() -> String {
+    format!("the scene has more than {MOST_OBJECTS} objects, or {MOST_PLACED} triangles of all instances")
 }
 
 /// Collector of a scene's objects, with the running totals that the limits bound.
@@ -307,6 +318,8 @@ impl Collector<'_> {
                 // its own hint.
                 hint.iter().chain(&self.hints[node.index()]).for_each(|&hint| object.take(hint));
                 self.move_object(node, primitive, instance, &mut object);
+                // Which side of a flattened surface is its front depends on a renderer's rounding.
+                object.opaque &= !one_sided || !is_flat(&(self.nodes.worlds[node.index()] * *instance));
                 self.objects.push(object);
             }
         }
@@ -470,11 +483,7 @@ impl Collector<'_> {
         node: &gltf::Node<'_>,
     ) -> Result<(), SourceError> {
         let placed = copies.saturating_mul(triangles).saturating_add(self.placed);
-        if placed <= MOST_PLACED && copies.saturating_add(self.objects.len()) <= MOST_OBJECTS {
-            return Ok(());
-        }
-        let most = format!("{MOST_OBJECTS} objects, or {MOST_PLACED} triangles of all instances");
-        Err(self.wrong(node, format!("with it, the scene has more than {most}")))
+        if placed <= MOST_PLACED { Ok(()) } else { Err(self.wrong(node, format!("with it, {}", too_many()))) }
     }
 
     /// Adds to the number of triangles in memory. Returns an error if the total exceeds [`MOST_TRIANGLES`].
@@ -563,6 +572,15 @@ impl Collector<'_> {
         };
         Ok((0..corners.len()).map(triangle).collect::<Vec<_>>().into())
     }
+}
+
+/// Returns whether a matrix makes shapes flat, up to the rounding of a renderer in `f32`: their volume is a
+/// hundred-thousandth of the volume that the lengths of the axes allow, or less. Such a transform may mirror
+/// or not. True for an axis that is not finite.
+fn is_flat(matrix: &DMat4) -> bool {
+    let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|axis| axis.truncate());
+    let volume = x.normalize_or_zero().dot(y.normalize_or_zero().cross(z.normalize_or_zero()));
+    volume.abs() <= 1e-5
 }
 
 /// Vertex order of a primitive: which vertices the corners of each triangle are.

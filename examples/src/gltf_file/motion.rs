@@ -10,7 +10,7 @@ use super::buffers::Buffers;
 use super::document::{LocalTransform, unit};
 use super::nodes::Nodes;
 use crate::error::SourceError;
-use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
+use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, Vec3, Vec4};
 use gltf::animation::{Interpolation, Property};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -46,14 +46,18 @@ const MOST_WORK: usize = 1 << 24;
 /// Relative difference between poses in `f32` and in `f64`, as a fraction of a point's distance: sixteen
 /// roundings of 2^-24 for each node in a chain of about ten.
 const ROUNDING: f64 = 1e-5;
+/// Greatest absolute dot product of two keys' unit quaternions whose rotations count as half a turn apart.
+/// Which of the two arcs between them is shorter then depends on the rounding of a renderer in `f32`: the sum
+/// of four products of numbers up to 1, each rounded a few times by 2^-24.
+const HALF_TURN: f64 = 1e-5;
 
 /// Animations of a document.
 pub(super) struct Motion {
     clips: Vec<Clip>,
     /// Whether a clip moves the node or one of its ancestors, by node index.
     is_moved: Vec<bool>,
-    /// Least and greatest weight of each morph target over all clips, by node index. Empty for a node whose
-    /// weights no clip changes.
+    /// Least and greatest weight of each morph target over all clips, by node index. From 0 to 1 at least for
+    /// a target that no clip changes. Empty for a node without a channel of weights.
     weights: Vec<Vec<[f64; 2]>>,
 }
 
@@ -71,16 +75,18 @@ struct Clip {
     times: Vec<f64>,
 }
 
-/// Values of one property (translation, rotation or scale) over time.
+/// Values of one property (translation, rotation or scale) over time. Kept as they are in the file, since
+/// many channels may have the same long list of keys.
 struct Channel {
-    times: Vec<f64>,
-    /// Value at each key; vectors of three have a fourth component of 0.
-    values: Vec<Key>,
+    /// Times of the keys in seconds.
+    times: Vec<f32>,
+    /// Value at each key; of a cubic spline the tangent before it, the value, and the tangent after it.
+    /// Vectors of three have a fourth component of 0.
+    values: Vec<Vec4>,
     interpolation: Interpolation,
 }
 
 /// Value of a key. A cubic spline also has tangents before and after the key.
-#[derive(Clone, Copy)]
 struct Key {
     before: DVec4,
     value: DVec4,
@@ -116,13 +122,17 @@ impl Motion {
         let count = transforms.len();
         let (is_moved, weights) = (vec![false; count], vec![Vec::new(); count]);
         let mut motion = Self { clips: Vec::new(), is_moved, weights };
+        let targets = |mesh: gltf::Mesh<'_>| {
+            mesh.primitives().map(|primitive| primitive.morph_targets().count()).max().unwrap_or(0)
+        };
+        let targets: Vec<usize> = document.meshes().map(targets).collect();
         for animation in document.animations() {
             let mut channels = Channels::new();
             for channel in animation.channels() {
                 let (node, sampler) = (channel.target().node().index(), channel.sampler());
                 let property = channel.target().property();
                 if property == Property::MorphTargetWeights {
-                    let targets = targets_of(&channel.target().node());
+                    let targets = channel.target().node().mesh().map_or(0, |mesh| targets[mesh.index()]);
                     motion.take_weights(node, targets, &sampler, buffers)?;
                     continue;
                 }
@@ -132,6 +142,10 @@ impl Motion {
                 }
             }
             motion.push(channels, nodes);
+        }
+        // A channel has values of all targets of a mesh, also of those that it does not change.
+        for [low, high] in motion.weights.iter_mut().flatten().filter(|[low, high]| low >= high) {
+            (*low, *high) = (low.min(0.0), high.max(1.0));
         }
         Ok(motion)
     }
@@ -153,9 +167,10 @@ impl Motion {
             }
         }
         let times = channels.values().flatten().flatten().flat_map(|channel| &channel.times);
-        let mut times: Vec<f64> = times.copied().collect();
+        let mut times: Vec<f64> = times.map(|&time| f64::from(time)).collect();
         times.sort_unstable_by(f64::total_cmp);
         times.dedup();
+        times.shrink_to_fit();
         self.clips.push(Clip { channels, moved, times });
     }
 
@@ -170,7 +185,8 @@ impl Motion {
         if targets == 0 {
             return Ok(());
         }
-        let times = buffers.vectors::<1>(&sampler.input())?;
+        buffers.charge(targets, || format!("node {node}"))?;
+        let times = times(sampler, buffers)?;
         let values: Vec<f64> =
             buffers.vectors::<1>(&sampler.output())?.iter().map(|[value]| f64::from(*value)).collect();
         let ranges = &mut self.weights[node];
@@ -186,7 +202,7 @@ impl Motion {
             // A cubic spline segment lies within the hull of its Bezier points, which are the values, and the
             // values plus or minus a third of the tangent times the length of the segment.
             let step = |other: usize| match (times.get(key), times.get(other)) {
-                (Some([a]), Some([b])) => f64::from(*b) - f64::from(*a),
+                (Some(a), Some(b)) => f64::from(*b) - f64::from(*a),
                 _ => 0.0,
             };
             let (before, after) = (step(key.wrapping_sub(1)), step(key + 1));
@@ -205,8 +221,8 @@ impl Motion {
         self.is_moved[node]
     }
 
-    /// Returns the least and greatest weight of each morph target of a node over all clips. Empty if no clip
-    /// changes its weights.
+    /// Returns the least and greatest weight of each morph target of a node over all clips, from 0 to 1 at
+    /// least for a target that no clip changes. Empty if no clip has a channel of the node's weights.
     pub(super) fn weights(&self, node: usize) -> &[[f64; 2]] {
         &self.weights[node]
     }
@@ -269,10 +285,16 @@ impl Motion {
     }
 }
 
-/// Returns the number of morph targets of a node's mesh. 0 without a mesh.
-fn targets_of(node: &gltf::Node<'_>) -> usize {
-    let primitives = node.mesh().into_iter().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>());
-    primitives.map(|primitive| primitive.morph_targets().count()).max().unwrap_or(0)
+/// Reads the times of a sampler's keys in seconds. Returns an error for an accessor without a buffer view
+/// that has the time 0 more than once, since times must increase. Thus the size of the file bounds the
+/// number of keys of a sampler.
+fn times(sampler: &gltf::animation::Sampler<'_>, buffers: &Buffers<'_>) -> Result<Vec<f32>, SourceError> {
+    let input = sampler.input();
+    let changed = input.sparse().map_or(0, |sparse| sparse.count());
+    if input.view().is_none() && input.count() > changed.saturating_add(1) {
+        return Err(buffers.wrong(&input, "the times of its keys must increase"));
+    }
+    Ok(buffers.vectors::<1>(&input)?.into_iter().map(|[time]| time).collect())
 }
 
 /// Returns the index of a property among the channels of a node.
@@ -330,23 +352,38 @@ impl Channel {
         property: Property,
         buffers: &Buffers<'_>,
     ) -> Result<Self, SourceError> {
-        let times: Vec<f64> =
-            buffers.vectors::<1>(&sampler.input())?.iter().map(|[time]| f64::from(*time)).collect();
-        let flat: Vec<DVec4> = if property == Property::Rotation {
-            let rotations = buffers.vectors::<4>(&sampler.output())?;
-            rotations.into_iter().map(|rotation| glam::Vec4::from_array(rotation).as_dvec4()).collect()
+        let mut times = times(sampler, buffers)?;
+        let mut values: Vec<Vec4> = if property == Property::Rotation {
+            buffers.vectors::<4>(&sampler.output())?.into_iter().map(Vec4::from_array).collect()
         } else {
             let vectors = buffers.vectors::<3>(&sampler.output())?;
-            vectors.into_iter().map(|vector| glam::Vec3::from_array(vector).as_dvec3().extend(0.0)).collect()
+            vectors.into_iter().map(|vector| Vec3::from_array(vector).extend(0.0)).collect()
         };
         let interpolation = sampler.interpolation();
-        let values: Vec<Key> = if interpolation == Interpolation::CubicSpline {
-            flat.chunks_exact(3).map(|k| Key { before: k[0], value: k[1], after: k[2] }).collect()
+        let values_of_key = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+        times.truncate(values.len() / values_of_key);
+        values.truncate(times.len() * values_of_key);
+        Ok(Self { times, values, interpolation })
+    }
+
+    /// Returns the key at an index, which must be below the number of times.
+    fn key(&self, index: usize) -> Key {
+        if self.interpolation == Interpolation::CubicSpline {
+            let [before, value, after] = [0, 1, 2].map(|part| self.values[3 * index + part].as_dvec4());
+            Key { before, value, after }
         } else {
-            flat.into_iter().map(|value| Key { before: DVec4::ZERO, value, after: DVec4::ZERO }).collect()
-        };
-        let count = times.len().min(values.len());
-        Ok(Self { times: times[..count].to_vec(), values: values[..count].to_vec(), interpolation })
+            Key { before: DVec4::ZERO, value: self.values[index].as_dvec4(), after: DVec4::ZERO }
+        }
+    }
+
+    /// Returns the time of the key at an index, which must be below the number of times.
+    fn time(&self, index: usize) -> f64 {
+        f64::from(self.times[index])
+    }
+
+    /// Returns the index of the first key after a time, the number of keys if there is none.
+    fn next(&self, time: f64) -> usize {
+        self.times.partition_point(|&key| f64::from(key) <= time)
     }
 
     /// Returns whether a value or a tangent differs from the rest pose. Values are compared in `f32`, the
@@ -363,23 +400,22 @@ impl Channel {
             _ => value.truncate().as_vec3() != scale.as_vec3(),
         };
         let bends = |key: &Key| key.before != DVec4::ZERO || key.after != DVec4::ZERO;
-        self.values.iter().any(|key| differs(key.value) || bends(key))
+        (0..self.times.len()).map(|index| self.key(index)).any(|key| differs(key.value) || bends(&key))
     }
 
     /// Returns the control points of the channel's curve during a step, which must not span a key, and their
     /// number: 1 if the value is constant. The curve lies within their hull.
     fn hull(&self, from: f64, to: f64) -> ([DVec4; 4], usize) {
-        let middle = (from + to) * 0.5;
-        let next = self.times.partition_point(|&time| time <= middle);
+        let next = self.next((from + to) * 0.5);
         let key = next.saturating_sub(1);
-        let value = self.values[key].value;
+        let value = self.key(key).value;
         if next == 0 || next == self.times.len() || self.interpolation == Interpolation::Step {
             return ([value; 4], 1);
         }
-        let (start, length) = (self.times[key], self.times[next] - self.times[key]);
+        let (start, length) = (self.time(key), self.time(next) - self.time(key));
         let part = |time: f64| ((time - start) / length).clamp(0.0, 1.0);
         let (u, v) = (part(from), part(to));
-        let (a, b) = (&self.values[key], &self.values[next]);
+        let (a, b) = (self.key(key), self.key(next));
         if self.interpolation == Interpolation::Linear {
             return ([a.value.lerp(b.value, u), a.value.lerp(b.value, v), DVec4::ZERO, DVec4::ZERO], 2);
         }
@@ -410,14 +446,20 @@ impl Channel {
     /// step.
     fn rotation(&self, from: f64, to: f64) -> (DQuat, f64) {
         let middle = (from + to) * 0.5;
-        let next = self.times.partition_point(|&time| time <= middle);
+        let next = self.next(middle);
         if self.interpolation == Interpolation::Linear && 0 < next && next < self.times.len() {
             // Slerp takes the shorter arc. The angle between unit quaternions is half the angle between the
             // rotations.
-            let [a, b] = [next - 1, next].map(|key| unit(DQuat::from_vec4(self.values[key].value)));
+            let [a, b] = [next - 1, next].map(|key| unit(DQuat::from_vec4(self.key(key).value)));
+            let length = self.time(next) - self.time(next - 1);
+            let part = |time: f64| ((time - self.time(next - 1)) / length).clamp(0.0, 1.0);
+            if a.dot(b).abs() < HALF_TURN {
+                // The rotations of both arcs are equally far from those of the keys.
+                let turn = 2.0 * (-HALF_TURN).acos();
+                let (after_a, before_b) = (part(to), 1.0 - part(from));
+                return if after_a < before_b { (a, turn * after_a) } else { (b, turn * before_b) };
+            }
             let b = if a.dot(b) < 0.0 { -b } else { b };
-            let length = self.times[next] - self.times[next - 1];
-            let part = |time: f64| ((time - self.times[next - 1]) / length).clamp(0.0, 1.0);
             let half = a.dot(b).min(1.0).acos() * (part(to) - part(from)).abs();
             return (unit(a.slerp(b, part(middle))), half);
         }

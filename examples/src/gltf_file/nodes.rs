@@ -18,7 +18,8 @@ pub(super) struct Nodes {
     pub subtrees: Vec<Range<usize>>,
     /// Matrices from each node's space to world space at rest, by node index.
     pub worlds: Vec<DMat4>,
-    /// Whether an animation by `KHR_animation_pointer` moves the node or one of its ancestors, by node index.
+    /// Whether an animation by `KHR_animation_pointer` or an extension that is not read may move the node or
+    /// one of its ancestors, by node index.
     pub is_pointed_at: Vec<bool>,
     /// Visible nodes of the scene that the program reads, in the order of the file, parents before children.
     pub placed: Vec<usize>,

@@ -60,7 +60,8 @@ impl Shape {
                 morphed = positions.iter().map(|p| (p.as_dvec3(), p.as_dvec3())).collect();
             }
             let at_rest = weights.get(target).copied().unwrap_or(0.0);
-            // If no clip changes a target, a game may still give it any weight from 0 to 1.
+            // If no clip changes a target, a game may still give it any weight from 0 to 1: so it is in
+            // `ranges`.
             let [low, high] = ranges.get(target).copied().unwrap_or([0.0, 1.0]);
             let (low, high) = (low.min(at_rest.into()), high.max(at_rest.into()));
             for ((position, bounds), by) in positions.iter_mut().zip(&mut morphed).zip(displacements) {

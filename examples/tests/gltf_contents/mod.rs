@@ -13,6 +13,7 @@ use visibility_examples::walkthrough::{World, cullers, run};
 use visibility_examples::{CameraKey, SceneSource, SourceError, Walk};
 
 /// Builder of a glTF file, which appends the data of accessors to one buffer.
+#[derive(Clone)]
 struct File {
     root: Value,
     bytes: Vec<u8>,

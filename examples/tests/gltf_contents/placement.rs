@@ -1,6 +1,6 @@
 //! Tests of a glTF file's placement in the world: far from the origin, in other units, with another up axis.
 
-use super::{File, door, rectangle, reported};
+use super::{CORNERS, File, door, rectangle, reported};
 use glam::{DVec3, Vec3};
 use serde_json::json;
 use std::path::Path;
@@ -171,4 +171,34 @@ fn the_origin_of_coordinates_near_the_greatest_number_is_finite() {
         World::new(scene.with_walks(), (8, 8), Some(1)).is_ok_and(|world| world.origin() == there),
         "a world"
     );
+}
+
+#[test]
+fn flattened_surfaces_hide_only_if_both_sides_are_drawn() {
+    // Transforms of a parent and of its child, and whether it is certain which side is the front.
+    let turn = [0.5, 0.0, 0.0, 0.75_f64.sqrt()];
+    for (parent, child, is_certain) in [
+        (json!([1, 1, 1]), json!([1, 1, 1]), true),
+        (json!([1, -1, 1]), json!([1, 1, 1e-9]), true),
+        (json!([1e-9, 1e-9, 1e-9]), json!([1, 1, 1]), true),
+        (json!([1, 1, 0]), json!([1, 1, 1]), false),
+        (json!([1, 1, 1]), json!([0, 1, 1]), false),
+        (json!([1, 1, 1e-9]), json!([1, 1, 1]), false),
+    ] {
+        for (two_sided, users) in [(false, 1), (false, 2), (true, 1), (true, 2)] {
+            let mut file = File::new();
+            let mesh = file.mesh(&CORNERS);
+            file.root["materials"] = json!([{"doubleSided": two_sided}]);
+            file.root["meshes"][0]["primitives"][0]["material"] = json!(0);
+            file.node(json!({"scale": parent, "children": [1]}));
+            file.push("nodes", json!({"mesh": mesh, "scale": child, "rotation": turn}));
+            for _ in 1..users {
+                file.node(json!({"mesh": mesh}));
+            }
+            let scene = file.scene();
+            let case = format!("{parent}, {child}, two-sided: {two_sided}, {users} users");
+            assert_eq!(scene.objects[0].opaque, two_sided || is_certain, "{case}");
+            assert!(scene.objects[1..].iter().all(|object| object.opaque), "others: {case}");
+        }
+    }
 }

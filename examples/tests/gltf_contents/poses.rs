@@ -4,9 +4,12 @@ use super::{CORNERS, File, door, points, reported, triangle};
 use glam::{DQuat, DVec3, Quat, Vec3};
 use proptest::prelude::*;
 use serde_json::json;
+use std::path::Path;
+use visibility_examples::gltf_file::parse;
 use visibility_examples::pvs::built::polygons;
 use visibility_examples::walkthrough::{World, auto::advise};
 use visibility_examples::{CameraKey, Hint, Walk};
+use visibility_testing::allocations::{LIVE, PEAK};
 
 /// Returns a file with a triangle skinned to two joints. The first two corners follow the first joint only,
 /// and the third corner follows both joints equally. The node of the mesh itself is elsewhere.
@@ -157,6 +160,132 @@ fn poses_between_keys_are_within_the_bounds() {
 }
 
 #[test]
+fn keys_half_a_turn_apart_bound_both_arcs() {
+    // In f64 the dot product of the first two rotations is -6e-9, and in f32 it is 0: they turn one way or
+    // the other. The second two are exactly half a turn about z apart.
+    let a = [0.023_293_352_f32, 0.046_586_704, 0.069_880_05, 0.996_194_7];
+    let b = [0.266_244_23_f32, 0.532_488_47, 0.798_732_7, -0.087_155_744];
+    let line = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
+    for (a, b, corners) in [(a, b, CORNERS), ([0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.0], line)] {
+        let mut file = File::new();
+        let mesh = file.mesh(&corners);
+        file.node(json!({"mesh": mesh, "rotation": a}));
+        let values = file.floats(&[a, b]);
+        file.clip(0, "rotation", &[0.0, 1.0], values, "LINEAR");
+        let (low, high) = motion(&file);
+        let most = 6.0; // the length of the longest edge, and what two quarter turns may add
+        assert!(low.min_element() > -most && high.max_element() < most, "{low} to {high}: not far beyond");
+        let [a, b] = [a, b].map(|q| DQuat::from_array(q.map(f64::from)));
+        for step in 0..=100 {
+            let (sin, cos) = (f64::from(step) / 100.0 * std::f64::consts::FRAC_PI_2).sin_cos();
+            for (arc, b) in [("one arc", b), ("the other arc", -b)] {
+                let turn = (a * cos + b * sin).normalize();
+                for corner in corners {
+                    let p = (turn * Vec3::from_array(corner).as_dvec3()).as_vec3();
+                    let is_within = low.cmple(p + 1e-5).all() && p.cmple(high + 1e-5).all();
+                    assert!(is_within, "step {step} of {arc}: {p} is not within {low} to {high}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn keys_take_few_bytes_and_their_times_increase() {
+    const KEYS: usize = 1 << 16;
+    let mut file = triangle();
+    let times: Vec<f32> = (0..KEYS).map(|key| key as f32).collect();
+    let zeros = json!({"componentType": 5126, "count": KEYS, "type": "VEC3"});
+    let values = file.push("accessors", zeros);
+    let node = file.node(json!({"translation": [1, 0, 0]}));
+    file.clip(node, "translation", &times, values, "LINEAR");
+    for _ in 1..16 {
+        let node = file.node(json!({"translation": [1, 0, 0]}));
+        let channel = json!({"sampler": 0, "target": {"node": node, "path": "translation"}});
+        file.root["animations"][0]["channels"].as_array_mut().expect("channels").push(channel);
+    }
+    let glb = file.glb();
+    let before = LIVE.get();
+    PEAK.set(before);
+    parse(&glb, Path::new("test.glb")).expect("a valid file");
+    let bytes = (PEAK.get() - before) as f64 / (16 * KEYS) as f64;
+    // 20 bytes of a key of a channel, and 8 while all times of the clip are sorted.
+    assert!(bytes < 40.0, "{bytes} bytes for each key of each channel");
+
+    // Times that are not there are all 0, which is one time at most.
+    let input = file.root["animations"][0]["samplers"][0]["input"].as_u64().expect("an index");
+    for (count, part) in [(1, ""), (2, "the times of its keys must increase")] {
+        for path in ["translation", "weights"] {
+            let mut file = file.clone();
+            file.root["accessors"][input as usize] =
+                json!({"componentType": 5126, "count": count, "type": "SCALAR"});
+            file.root["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 0}]);
+            file.root["animations"][0]["channels"][0]["target"] = json!({"node": 0, "path": path});
+            if path == "weights" {
+                let output = file.floats(&[[0.0]]);
+                file.root["animations"][0]["samplers"][0]["output"] = json!(output);
+                file.root["animations"][0]["channels"].as_array_mut().expect("channels").truncate(1);
+            }
+            let error = file.read().err().map(|error| error.to_string()).unwrap_or_default();
+            assert!(error.contains(part) && error.is_empty() == part.is_empty(), "{count}, {path}: {error}");
+        }
+    }
+}
+
+#[test]
+fn what_an_extension_moves_or_replaces_is_never_culled_and_hides_nothing() {
+    let graph = |pointer: &str| {
+        let node = json!({"configuration": {"pointer": {"value": [pointer]}}});
+        json!({"KHR_interactivity": {"graphs": [{"nodes": [node]}]}})
+    };
+    // Extensions of the node and of the document, and whether the first and second object may change.
+    for (of_node, of_document, expected) in [
+        (json!({}), json!({}), [false, false]),
+        (json!({"KHR_physics_rigid_bodies": {"motion": {"mass": 1}}}), json!({}), [true, false]),
+        (json!({"KHR_physics_rigid_bodies": {"collider": {}}}), json!({}), [false, false]),
+        (json!({"OMI_physics_body": {"motion": {"type": "dynamic"}}}), json!({}), [true, false]),
+        (json!({"OMI_physics_body": {"type": "kinematic"}}), json!({}), [true, false]),
+        (json!({"OMI_physics_body": {"motion": {"type": "static"}}}), json!({}), [false, false]),
+        (json!({"OMI_physics_body": {"type": "static"}}), json!({}), [false, false]),
+        (json!({"OMI_physics_body": {"motion": {}}}), json!({}), [true, false]),
+        (json!({"OMI_physics_body": {"collider": 0}}), json!({}), [false, false]),
+        (json!({"MSFT_lod": {"ids": [2]}}), json!({}), [true, false]),
+        (json!({}), graph("/nodes/1/translation"), [false, true]),
+        (json!({}), graph("/nodes/{it}/translation"), [true, true]),
+        (json!({}), graph("/meshes/0/weights"), [true, false]),
+        (json!({}), graph("/meshes/{it}/weights"), [true, true]),
+        (json!({}), graph("/nodes/9/translation"), [false, false]),
+    ] {
+        let mut file = triangle();
+        let other = file.mesh(&CORNERS);
+        file.node(json!({"mesh": other}));
+        file.root["nodes"][0]["extensions"] = of_node.clone();
+        file.root["extensions"] = of_document.clone();
+        let scene = file.scene();
+        let case = format!("{of_node}, {of_document}");
+        let objects = || scene.objects.iter();
+        assert_eq!(objects().map(|object| object.never_cull).collect::<Vec<_>>(), expected, "{case}");
+        assert_eq!(objects().map(|object| !object.opaque).collect::<Vec<_>>(), expected, "hides: {case}");
+    }
+    // A graph may also show what is hidden, and make a material transparent.
+    let mut file = triangle();
+    file.root["nodes"][0]["extensions"] = json!({"KHR_node_visibility": {"visible": false}});
+    file.root["materials"] = json!([{}]);
+    file.root["meshes"][0]["primitives"][0]["material"] = json!(0);
+    assert_eq!(file.scene().objects.len(), 0, "a hidden node");
+    for node in ["0", "{it}"] {
+        file.root["extensions"] = graph(&format!("/nodes/{node}/extensions/KHR_node_visibility/visible"));
+        assert_eq!(file.scene().objects.len(), 1, "a node that a graph may show, by {node}");
+    }
+    file.root["nodes"][0]["extensions"] = json!({});
+    let factor = "extensions/KHR_materials_transmission/transmissionFactor";
+    for material in ["0", "{it}"] {
+        file.root["extensions"] = graph(&format!("/materials/{material}/{factor}"));
+        assert!(file.scene().objects[0].see_through, "a material that a graph changes, by {material}");
+    }
+}
+
+#[test]
 fn morph_targets_are_bounded_over_all_weights() {
     let mut file = triangle();
     let up = file.floats(&[[0.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 0.0]]);
@@ -172,6 +301,27 @@ fn morph_targets_are_bounded_over_all_weights() {
     let weights = file.floats(&[[0.0], [0.25], [2.0], [-1.0]]);
     file.clip(0, "weights", &[0.0, 1.0], weights, "LINEAR");
     assert_bounds(&file, [[0.0, 0.0, -0.25], [1.0, 6.0, 1.0]]);
+}
+
+#[test]
+fn weights_that_clips_hold_may_be_any_from_0_to_1() {
+    let mut file = triangle();
+    let up = file.floats(&[[0.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 0.0]]);
+    let back = file.floats(&[[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, -1.0]]);
+    file.root["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": up}, {"POSITION": back}]);
+    // A channel has values of both targets, though it changes the first alone.
+    for (held, depth) in [(0.0, -1.0), (0.5, -1.0), (2.0, -2.0)] {
+        let mut file = file.clone();
+        let weights = file.floats(&[[0.0], [held], [1.0], [held]]);
+        file.clip(0, "weights", &[0.0, 1.0], weights, "LINEAR");
+        assert_bounds(&file, [[0.0, 0.0, depth], [1.0, 3.0, 0.0]]);
+    }
+    // Two clips that hold different values change the weight from one to the other.
+    for held in [0.25, 0.5] {
+        let weights = file.floats(&[[0.0], [held], [1.0], [held]]);
+        file.clip(0, "weights", &[0.0, 1.0], weights, "LINEAR");
+    }
+    assert_bounds(&file, [[0.0, 0.0, -0.5], [1.0, 3.0, 0.0]]);
 }
 
 #[test]

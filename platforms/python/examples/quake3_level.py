@@ -4,7 +4,7 @@
 
 Without a file, it draws a small level of its own. Each polygon or mesh of the level is an object. Curved patches are
 divided into triangles, and hide nothing, since the game divides them otherwise. Liquids, panes and sky hide nothing
-either. Numpy reads the lists of a level as they are. Format: "Unofficial Quake 3 Map Specs", Kekoa Proudfoot.
+either, nor do doors, lifts and other models that are not the world, since they may move or be invisible. Numpy reads the lists of a level as they are. Format: "Unofficial Quake 3 Map Specs", Kekoa Proudfoot.
 """
 
 import re
@@ -17,8 +17,9 @@ TEXTURE = np.dtype([("name", "S64"), ("flags", "<u4"), ("contents", "<u4")])
 VERTEX = np.dtype([("place", "<f4", 3), ("other", "V32")])
 FACE = np.dtype([("texture", "<u4"), ("effect", "<i4"), ("kind", "<i4"), ("vertex", "<u4"), ("vertices", "<u4"),
                  ("index", "<u4"), ("indices", "<u4"), ("light", "V68"), ("size", "<u4", 2)])  # fmt: skip
+MODEL = np.dtype([("box", "<f4", 6), ("face", "<u4"), ("faces", "<u4"), ("brushes", "V8")])
 #: Numbers of the lists that are needed, among 17 in the header.
-LISTS = {"entities": (0, np.dtype("u1")), "textures": (1, TEXTURE), "vertices": (10, VERTEX), "indices": (11, np.dtype("<u4")), "faces": (13, FACE)}
+LISTS = {"entities": (0, np.dtype("u1")), "textures": (1, TEXTURE), "models": (7, MODEL), "vertices": (10, VERTEX), "indices": (11, np.dtype("<u4")), "faces": (13, FACE)}
 POLYGON, PATCH, MESH = 1, 2, 3
 SKY, NO_DRAW = 0x4, 0x80 | 0x200  # surface flags; not drawn, skipped
 LIQUIDS, TRANSLUCENT = 0x8 | 0x10 | 0x20, 0x20000000  # contents
@@ -71,6 +72,13 @@ def read(data):
     for part, items in (("vertices", places), ("indices", level["indices"])):
         if level["faces"][part].sum(dtype=np.uint64) > 4 * len(items) + 4:
             raise ValueError(f"faces: they refer to more {part} than there are")
+    # The first model is the world. Without it, nothing hides.
+    world = np.zeros(len(level["faces"]), bool)
+    for model in level["models"][:1]:
+        first, count = int(model["face"]), int(model["faces"])
+        if first + count > len(world):
+            raise ValueError("models: the world has unknown faces")
+        world[first : first + count] = True
     meshes = []
     for number, face in enumerate(level["faces"]):
         vertex, vertices, index, indices = (int(face[key]) for key in ("vertex", "vertices", "index", "indices"))
@@ -80,7 +88,7 @@ def read(data):
         texture = level["textures"][face["texture"]]
         if texture["flags"] & NO_DRAW or face["kind"] not in (POLYGON, PATCH, MESH):
             continue
-        positions, hides = places[vertex : vertex + vertices], face["kind"] != PATCH
+        positions, hides = places[vertex : vertex + vertices], world[number] and face["kind"] != PATCH
         if face["kind"] == PATCH:
             if width * height != vertices or min(width, height) < 3 or width % 2 == 0 or height % 2 == 0:
                 raise ValueError(f"faces: face {number} is no patch of {width} x {height} points")
@@ -103,7 +111,7 @@ def read(data):
 
 
 def made_up():
-    """Makes a level of two rooms, a doorway between them, an arch and crates, for when there is none."""
+    """Makes a level of two rooms, a door slid aside between them, an arch and crates, for when there is none."""
     points, indices, faces = [], [], []
 
     def add(kind, corners, texture, triangles=(), size=(0, 0)):
@@ -128,11 +136,14 @@ def made_up():
     arch = [(x, y, z) for y in (200, 256, 312) for x, z in ((560, 0), (590, 190), (620, 0))]
     add(PATCH, arch, 0, (), (3, 3))
     add(POLYGON, [(540, 330, 8), (1000, 330, 8), (1000, 490, 8), (540, 490, 8)], 1, (0, 1, 2, 0, 2, 3))
+    world = len(faces)
+    box((522, 304, 0), (530, 400, 128))
+    models = np.array([((0,) * 6, 0, world, b""), ((0,) * 6, world, len(faces) - world, b"")], MODEL)
     textures = np.array([(b"textures/wall", 0, 1), (b"textures/water", 0, 0x20)], TEXTURE)
     vertices = np.zeros(len(points), VERTEX)
     vertices["place"] = points
     entities = b'{ "classname" "worldspawn" } { "classname" "info_player_deathmatch" "origin" "96 256 56" }'
-    parts = {0: entities, 1: textures.tobytes(), 10: vertices.tobytes(), 11: np.array(indices, "<u4").tobytes(), 13: np.array(faces, FACE).tobytes()}
+    parts = {0: entities, 1: textures.tobytes(), 7: models.tobytes(), 10: vertices.tobytes(), 11: np.array(indices, "<u4").tobytes(), 13: np.array(faces, FACE).tobytes()}
     directory, body = b"", b""
     for number in range(17):
         part = parts.get(number, b"")

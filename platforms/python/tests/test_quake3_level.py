@@ -13,9 +13,9 @@ spec.loader.exec_module(quake3_level)
 
 def test_polygons_patches_and_starts():
     meshes, starts = quake3_level.read(quake3_level.made_up())
-    # Ten boxes of six sides, an arch, and water.
-    assert len(meshes) == 10 * 6 + 2
-    assert [hides for _, _, hides in meshes] == [True] * 60 + [False, False]
+    # Ten boxes of six sides, an arch, water, and a door of six sides, which is a model of its own.
+    assert len(meshes) == 10 * 6 + 2 + 6
+    assert [hides for _, _, hides in meshes] == [True] * 60 + [False] * 8
     assert starts == pytest.approx(np.array([[96, 256, 56]]) * 0.0254)
     corners = np.concatenate([positions for positions, _, _ in meshes])
     assert corners.max(axis=0) == pytest.approx(np.array([1024, 512, 192]) * 0.0254, rel=1e-6)
@@ -45,7 +45,25 @@ def with_face(number, field, value):
     return bytes(level)
 
 
+def with_world(first, count):
+    """Returns the level with another range of faces of its first model."""
+    level = bytearray(quake3_level.made_up())
+    start = int.from_bytes(level[8 + 8 * 7 : 12 + 8 * 7], "little")
+    level[start + 24 : start + 32] = first.to_bytes(4, "little") + count.to_bytes(4, "little")
+    return bytes(level)
+
+
+def test_only_the_world_hides():
+    hides = [hides for _, _, hides in quake3_level.read(with_world(6, 10))[0]]
+    assert hides == [False] * 6 + [True] * 10 + [False] * 52
+    without = bytearray(quake3_level.made_up())
+    without[12 + 8 * 7 : 16 + 8 * 7] = bytes(4)
+    assert not any(hides for _, _, hides in quake3_level.read(bytes(without))[0]), "a level without models"
+
+
 @pytest.mark.parametrize("data, message", [
+    (with_world(60, 9), "the world has unknown faces"),
+    (with_world(2**32 - 1, 2), "the world has unknown faces"),
     (quake3_level.made_up().replace(b"IBSP\x2e", b"IBSP\x26"), "no level of Quake 3"),
     (quake3_level.made_up()[:-1], "faces: .* bytes from"),
     (with_face(3, "texture", 2), "face 3 has unknown parts"),
@@ -64,7 +82,7 @@ def test_refused(data, message):
 def test_surfaces_that_are_not_drawn_are_left_out():
     level = quake3_level.made_up()
     at = level.index(b"textures/water") + 64
-    assert len(quake3_level.read(level[:at] + b"\x80" + level[at + 1 :])[0]) == 61
+    assert len(quake3_level.read(level[:at] + b"\x80" + level[at + 1 :])[0]) == 67
 
 
 def test_broken_files_raise_nothing_but_value_errors():

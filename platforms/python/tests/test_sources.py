@@ -1,0 +1,254 @@
+"""Scenes from other packages' objects, which stand-ins replace here: what hides, and what is left out."""
+
+import sys
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+from visibility import Scene, View
+from visibility.scene import _triangulated
+
+AHEAD = View.perspective((0, 0, 0), (1, 0, 0), fov_y=1.0)
+SQUARE = np.array([(0, -8, -8), (0, 8, -8), (0, 8, 8), (0, -8, 8)], dtype=float)
+#: Two triangles that face -x, where the camera is.
+FACES = np.array([(0, 2, 1), (0, 3, 2)])
+
+
+def moved(x):
+    matrix = np.eye(4)
+    matrix[0, 3] = x
+    return matrix
+
+
+class Material(SimpleNamespace):
+    """A material that knows no more than it is given."""
+
+
+def mesh(visual=None):
+    return SimpleNamespace(vertices=SQUARE, faces=FACES, visual=visual)
+
+
+def scene_of(*placed, **options):
+    """Makes a scene by way of a stand-in for ``trimesh.Scene``, of pairs of a mesh and its transform, and a lamp at x = 8."""
+    geometry = {f"mesh {number}": mesh for number, (mesh, _) in enumerate(placed)}
+    nodes = {f"node {number}": (transform, f"mesh {number}") for number, (_, transform) in enumerate(placed)}
+    graph = type("Graph", (dict,), {"nodes_geometry": list(nodes)})(nodes)
+    scene = Scene.from_trimesh(SimpleNamespace(graph=graph, geometry=geometry), **options)
+    return scene, scene.add_boxes([[(8, -0.5, -0.5), (9, 0.5, 0.5)]])[0]
+
+
+OPAQUE = [
+    None,
+    SimpleNamespace(face_colors=np.array([[9, 9, 9, 255]] * 2, np.uint8), vertex_colors=None),
+    SimpleNamespace(material=Material(alphaMode="OPAQUE", baseColorFactor=[255, 0, 0, 255])),
+    SimpleNamespace(material=Material(alphaMode=None, baseColorFactor=[1.0, 0.0, 0.0, 1.0])),
+    SimpleNamespace(material=Material(main_color=np.array([1, 2, 3, 255], np.uint8))),
+    SimpleNamespace(material=None, vertex_attributes={"color": np.array([[0, 0, 0, 65535]] * 4, np.uint16)}),
+]
+CLEAR = [
+    SimpleNamespace(face_colors=np.array([[9, 9, 9, 255], [9, 9, 9, 254]], np.uint8)),
+    SimpleNamespace(vertex_colors=np.array([[9, 9, 9, 255]] * 3 + [[9, 9, 9, 0]], np.uint8)),
+    SimpleNamespace(material=Material(alphaMode="BLEND")),
+    SimpleNamespace(material=Material(alphaMode="MASK")),
+    SimpleNamespace(material=Material(baseColorFactor=[255, 0, 0, 128])),
+    SimpleNamespace(material=Material(baseColorFactor=[1.0, 0.0, 0.0, 0.99])),
+    SimpleNamespace(material=Material(main_color=np.array([1, 2, 3, 254], np.uint8))),
+    SimpleNamespace(material=Material(materials=[Material(), Material(alphaMode="MASK")])),
+    SimpleNamespace(material=None, vertex_attributes={"color": np.array([[0, 0, 0, 60000]] * 4, np.uint16)}),
+]
+
+
+@pytest.mark.parametrize("visual, hides", [(it, True) for it in OPAQUE] + [(it, False) for it in CLEAR])
+def test_what_lets_light_through_hides_nothing(visual, hides):
+    scene, lamp = scene_of((mesh(visual), moved(5)))
+    assert (lamp not in scene.cull(AHEAD)) == hides
+    assert len(Scene.from_trimesh(mesh(visual))) == 1
+
+
+@pytest.mark.parametrize("alpha", [255, 254])
+def test_the_alpha_of_a_picture_counts_where_no_mode_says_so(alpha):
+    pixels = np.full((2, 2, 4), 255, np.uint8)
+    pixels[1, 0, 3] = alpha
+    image = SimpleNamespace(convert=lambda mode: pixels if mode == "RGBA" else None)
+    scene, lamp = scene_of((mesh(SimpleNamespace(material=Material(image=image))), moved(5)))
+    assert (lamp in scene.cull(AHEAD)) == (alpha < 255)
+    scene, lamp = scene_of((mesh(SimpleNamespace(material=Material(image=image, alphaMode=None))), moved(5)))
+    assert lamp not in scene.cull(AHEAD)
+
+
+def test_a_function_tells_what_hides():
+    glass, wall = mesh(SimpleNamespace(name="glass")), mesh(SimpleNamespace(name="wall"))
+    for pane, behind in [(glass, True), (wall, False)]:
+        scene, lamp = scene_of((pane, moved(5)), occluder=lambda mesh: mesh.visual.name != "glass")
+        assert (lamp in scene.cull(AHEAD)) == behind
+
+
+@pytest.mark.parametrize("along", [(-1, 1, 1), (1, -1, 1), (1, 1, -1), (-1, -1, -1), (1, -1, -1), (1, 1, 1)])
+def test_mirrored_meshes_keep_their_fronts(along):
+    # Of a one-sided square, the front hides and the back does not. Mirroring along x alone turns the front away.
+    transform = moved(5) @ np.diag([*along, 1.0])
+    scene, lamp = scene_of((mesh(), transform))
+    assert (lamp not in scene.cull(AHEAD)) == (along[0] > 0)
+    back = View.perspective((20, 0, 0), (0, 0, 0), fov_y=1.0)
+    lamp = scene.add_boxes([[(1, 1, 1), (2, 2, 2)]])[0]
+    assert (lamp not in scene.cull(back)) == (along[0] < 0)
+
+
+def test_flattened_meshes_hide_only_from_both_sides():
+    transform = moved(5) @ np.diag([0.0, 1.0, 1.0, 1.0])
+    for two_sided in (False, True):
+        scene, lamp = scene_of((mesh(), transform), two_sided=two_sided)
+        assert (lamp in scene.cull(AHEAD)) != two_sided
+
+
+#: Classes above the classes of the stand-in for an IFC file, in IFC4X3.
+ABOVE = {
+    "IfcWall": ["IfcBuiltElement", "IfcElement"],
+    "IfcWindow": ["IfcBuiltElement", "IfcElement"],
+    "IfcSite": ["IfcSpatialStructureElement", "IfcSpatialElement"],
+    "IfcSpace": ["IfcSpatialStructureElement", "IfcSpatialElement"],
+    "IfcBuildingStorey": ["IfcSpatialStructureElement", "IfcSpatialElement"],
+    "IfcSpatialZone": ["IfcSpatialElement"],
+    "IfcExternalSpatialElement": ["IfcExternalSpatialStructureElement", "IfcSpatialElement"],
+    "IfcOpeningElement": ["IfcFeatureElementSubtraction", "IfcFeatureElement", "IfcElement"],
+    "IfcVoidingFeature": ["IfcFeatureElementSubtraction", "IfcFeatureElement", "IfcElement"],
+    "IfcVirtualElement": ["IfcElement"],
+    "IfcAnnotation": [],
+    "IfcGrid": ["IfcPositioningElement"],
+    "IfcReferent": ["IfcPositioningElement"],
+    "IfcStructuralSurfaceMember": ["IfcStructuralMember", "IfcStructuralItem"],
+}
+MATTER = ("IfcWall", "IfcWindow", "IfcSite")
+
+
+def ifc(monkeypatch, products, above=ABOVE):
+    """Puts a stand-in in the place of ifcopenshell, and returns the scene and GlobalIds of products: pairs of a class and
+    the transparencies of its styles, as squares at x = 5, with a lamp behind them."""
+    shapes = []
+    for kind, styles in products:
+        materials = [SimpleNamespace(transparency=transparency) for transparency in styles]
+        geometry = SimpleNamespace(verts=(SQUARE + (5, 0, 0)).ravel(), faces=FACES.ravel(), materials=materials)
+        shapes.append(SimpleNamespace(guid=kind, geometry=geometry))
+
+    def product(kind):
+        return SimpleNamespace(is_a=lambda name: name == kind or name in above[kind])
+
+    def iterator(settings, model):
+        rest = iter(shapes[1:])
+        now = [shapes[0]]
+
+        def more():
+            now[0] = next(rest, None)
+            return now[0] is not None
+
+        return SimpleNamespace(initialize=lambda: True, get=lambda: now[0], next=more)
+
+    package, geom = ModuleType("ifcopenshell"), ModuleType("ifcopenshell.geom")
+    geom.settings, geom.iterator, package.geom = lambda: SimpleNamespace(set=lambda *_: None), iterator, geom
+    monkeypatch.setitem(sys.modules, "ifcopenshell", package)
+    monkeypatch.setitem(sys.modules, "ifcopenshell.geom", geom)
+    scene, names = Scene.from_ifc(SimpleNamespace(by_guid=product))
+    return scene, names, scene.add_boxes([[(8, -0.5, -0.5), (9, 0.5, 0.5)]])[0]
+
+
+@pytest.mark.parametrize("kind", list(ABOVE))
+def test_bodies_of_ifc_that_are_no_matter_are_left_out(monkeypatch, kind):
+    scene, names, lamp = ifc(monkeypatch, [(kind, [])])
+    assert names == ([kind] if kind in MATTER else [])
+    assert (lamp not in scene.cull(AHEAD)) == (kind in ("IfcWall", "IfcSite"))
+
+
+def test_classes_of_ifc_2x3(monkeypatch):
+    above = {"IfcBuildingStorey": ["IfcSpatialStructureElement"], "IfcSite": ["IfcSpatialStructureElement"], "IfcGrid": []}
+    assert ifc(monkeypatch, [(kind, []) for kind in above], above)[1] == ["IfcSite"]
+
+
+@pytest.mark.parametrize("styles, hides", [([], True), ([0.0], True), ([float("nan")], True), ([0.0, 0.1], False)])
+def test_transparent_styles_of_ifc_hide_nothing(monkeypatch, styles, hides):
+    scene, names, lamp = ifc(monkeypatch, [("IfcWall", styles)])
+    assert (names, lamp not in scene.cull(AHEAD)) == (["IfcWall"], hides)
+
+
+def city(*surfaces, kind="Building", solid=False, **parts):
+    """A CityJSON file with one city object: of squares at x = 5, each of two triangles of a semantic type and material."""
+    boundaries = [[[0, 2, 1]], [[0, 3, 2]]] * len(surfaces)
+    values = [number for number in range(len(surfaces)) for _ in range(2)]
+    materials = [material for _, material in surfaces for _ in range(2)]
+    wrap = (lambda items: [items]) if solid else (lambda items: items)
+    geometry = {
+        "type": "Solid" if solid else "MultiSurface",
+        "lod": "2",
+        "boundaries": wrap(boundaries),
+        "semantics": {"surfaces": [{"type": kind} for kind, _ in surfaces], "values": wrap(values)},
+        "material": {"": {"values": wrap(materials)}},
+    }
+    return {
+        "type": "CityJSON",
+        "vertices": (SQUARE + (5, 0, 0)).tolist(),
+        "appearance": {"materials": [{"name": "brick"}, {"name": "glass", "transparency": 0.5}]},
+        "CityObjects": {"it": {"type": kind, "geometry": [geometry]}},
+        **parts,
+    }
+
+
+WALL, WINDOW = ("WallSurface", None), ("Window", 0)
+
+
+@pytest.mark.parametrize("solid", [False, True])
+@pytest.mark.parametrize("surfaces, objects, hides", [
+    ([WALL], 1, True),
+    ([("WallSurface", 0)], 1, True),
+    ([("Door", 0)], 1, True),
+    ([WINDOW], 1, False),
+    ([("WallSurface", 1)], 1, False),
+    ([WALL, WINDOW], 2, True),
+    ([WINDOW, WALL], 2, True),
+    ([WINDOW, ("RoofSurface", 1)], 1, False),
+    ([("ClosureSurface", 0)], 0, False),
+    ([("ClosureSurface", 0), WINDOW], 1, False),
+])  # fmt: skip
+def test_surfaces_of_cities(surfaces, objects, hides, solid):
+    scene, names = Scene.from_cityjson(city(*surfaces, solid=solid))
+    lamp = scene.add_boxes([[(8, -0.5, -0.5), (9, 0.5, 0.5)]])[0]
+    assert (names, lamp not in scene.cull(AHEAD)) == (["it"] * objects, hides)
+
+
+def test_which_objects_of_cities_hide():
+    def hides(file, **options):
+        scene, _ = Scene.from_cityjson(file, **options)
+        return scene.add_boxes([[(8, -0.5, -0.5), (9, 0.5, 0.5)]])[0] not in scene.cull(AHEAD)
+
+    tree = city(WALL, kind="SolitaryVegetationObject")
+    assert [hides(city(WALL)), hides(tree), hides(tree, transparent=())] == [True, False, True]
+    assert not hides(city(("Door", 0)), transparent=("Door",))
+    told = []
+    assert not hides(city(WALL), occluder=lambda *given: told.append(given))
+    assert told == [("it", city(WALL)["CityObjects"]["it"])]
+    assert [hides(city(one), occluder=lambda *_: True) for one in (WALL, WINDOW)] == [True, False]
+    whole = city(WALL)
+    whole["CityObjects"]["it"]["geometry"][0]["material"] = {"summer": {"value": 0}, "winter": {"value": 1}}
+    assert not hides(whole), "one material for all surfaces, in one of two themes"
+    del whole["CityObjects"]["it"]["geometry"][0]["material"], whole["CityObjects"]["it"]["geometry"][0]["semantics"]
+    assert hides(whole), "without semantics and materials"
+
+
+def test_copies_of_templates_do_not_replace_surfaces():
+    file = city(WALL)
+    copy = {"type": "GeometryInstance", "lod": "3", "template": 0, "boundaries": [0], "transformationMatrix": np.eye(4).ravel().tolist()}
+    file["CityObjects"]["it"]["geometry"].append(copy)
+    file["CityObjects"]["copy"] = {"type": "Building", "geometry": [copy]}
+    scene, names = Scene.from_cityjson(file)
+    assert (len(scene), names) == (1, ["it"])
+
+
+def test_polygons_far_from_the_origin_keep_their_fronts():
+    pytest.importorskip("mapbox_earcut")
+    # The products of the coordinates are far larger than the area of the quadrangle.
+    for at in ((0, 0, 0), (155e3, 463e3, 50), (4e6, 5e6, 3e6)):
+        for side in (0.1, 0.01, 0.001):
+            positions = side * np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) + at
+            for ring, up in ([0, 1, 2, 3], 1), ([2, 1, 0, 3], -1), ([3, 0, 1, 2], 1):
+                triangles = _triangulated(positions, [ring])
+                a, b, c = (positions[triangles[:, corner]] for corner in range(3))
+                assert len(triangles) == 2, (at, side, ring)
+                assert (np.sign(np.cross(b - a, c - a)) == (0, 0, up)).all(), (at, side, ring)
