@@ -98,7 +98,7 @@ impl CellFrustum {
         let mut frustum = Self { eye, eye_error, planes, count: 0, side_count: 0, exit_margin };
         for with_eye_inside in [true, false] {
             for plane in view.planes(origin).as_slice() {
-                let bounded = BoundedPlane::new(plane, reach);
+                let mut bounded = BoundedPlane::new(plane, reach);
                 // The products and sums of a signed distance are rounded by less than 1e-15 of their
                 // magnitudes. The error of the plane's own offset adds to this.
                 let eye_is_inside = match eye {
@@ -108,7 +108,12 @@ impl CellFrustum {
                     }
                     // An eye at infinity lies outside of every plane whose inner side view rays enter. The
                     // cosine is rounded by a few times 2^-53, beside the error of the direction.
-                    Eye::Direction(along) => bounded.normal.dot(along) <= 1e-15 + eye_error,
+                    Eye::Direction(along) => {
+                        let lean = bounded.normal.dot(along);
+                        // Rays that lean inwards by rounding come from this far outside of the plane.
+                        bounded.slack += 4.0 * reach * (lean + eye_error).max(0.0);
+                        lean <= 1e-15 + eye_error
+                    }
                 };
                 if eye_is_inside == with_eye_inside {
                     frustum.planes[frustum.count] = bounded;
@@ -292,6 +297,40 @@ mod tests {
         let along = view.with_clip_planes(&[Plane::new(DVec3::Y, 0.0)]).unwrap();
         let frustum = CellFrustum::new(&along, DVec3::ZERO, &bounds);
         assert_eq!(frustum.classify(&crossed), CellPlace::Outside, "a box of which no ray comes into view");
+    }
+
+    /// Where rounding leaves the direction of rays uncertain, they may come into view from outside of planes
+    /// that count as sides: boxes there are crossed, as far outside as rays may lean.
+    #[test]
+    fn boxes_from_which_uncertain_rays_come_are_crossed() {
+        let bounds = Aabb::from_arrays([-1000.0; 3], [1000.0; 3]);
+        let uncertain = |large: f64| {
+            let rows = [[large + 1.0, large, large], [large, large + 1.0, large], [0.0, 0.0, 1e-3], [0.0; 3]];
+            let at = |i: usize| if i == 15 { 1.0 } else { rows[i % 4].get(i / 4).copied().unwrap_or(0.0) };
+            View::from_clip_from_world(core::array::from_fn::<f64, 16, _>(at), Depth::ZeroToOne).unwrap()
+        };
+        // Nothing is known of the direction: no box is outside, wherever the planes are.
+        let frustum = CellFrustum::new(&uncertain(2f64.powi(48)), DVec3::ZERO, &bounds);
+        assert_eq!(frustum.eye_error, f64::INFINITY, "the direction is undecided");
+        for corner in bounds.corners() {
+            let cell = Aabb::from_points([corner, corner * 0.9]);
+            assert_ne!(frustum.classify(&cell), CellPlace::Outside, "a cell at {corner}");
+        }
+        // A clip plane that computed rays enter by less than the direction's error.
+        let view = uncertain(f64::from(1 << 29));
+        let projection = ViewProjection::new(&view, DVec3::ZERO);
+        let (Eye::Direction(along), error) = (projection.eye(), projection.eye_error()) else {
+            panic!("rays")
+        };
+        assert!((1e-6..1e-4).contains(&error), "the direction's error is {error}");
+        let across = along.cross(DVec3::Z).normalize();
+        let normal = (across + along * (0.8 * error)).normalize();
+        let clipped = view.with_clip_planes(&[Plane::new(normal, 0.0)]).unwrap();
+        let frustum = CellFrustum::new(&clipped, DVec3::ZERO, &bounds);
+        // A kilometre before the plane, rays that enter it are this far outside.
+        let at = (along * -900.0 - across * (900.0 * error)).as_vec3();
+        let cell = Aabb::new(at - 1e-4, at + 1e-4);
+        assert_ne!(frustum.classify(&cell), CellPlace::Outside, "a cell that rays may pass through");
     }
 
     /// Boxes and triangles with one corner in a plane, or nearer to the plane than the error bound, are

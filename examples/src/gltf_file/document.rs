@@ -16,6 +16,7 @@ use gltf::json::validation::{Checked, Error, Validate};
 use gltf::json::{Node, Path as JsonPath, Root};
 use gltf::mesh::Semantic;
 use serde_json::{Map, Value};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Document of a glTF file.
@@ -139,7 +140,9 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
     let mut is_pointed_at = nodes.is_pointed_at;
     let mut is_shown = vec![false; root.nodes.len()];
     let mut is_mesh_pointed_at = vec![false; root.meshes.len()];
-    for pointer in pointers.iter().chain(&graphs) {
+    // Each target once: with a variable for its index, a pointer names all items.
+    let targets: BTreeSet<String> = pointers.iter().chain(&graphs).map(|pointer| target(pointer)).collect();
+    for pointer in &targets {
         point_at(pointer, &mut root, &mut is_pointed_at, &mut is_mesh_pointed_at);
         let node = pointer.strip_prefix("/nodes/");
         let node = node.and_then(|node| node.strip_suffix("/extensions/KHR_node_visibility/visible"));
@@ -401,6 +404,12 @@ fn named<'a, T>(part: &str, items: &'a mut [T]) -> &'a mut [T] {
         _ => 0..0,
     };
     items.get_mut(range).unwrap_or_default()
+}
+
+/// Returns a JSON pointer with `{` in the place of each variable (`{name}`).
+fn target(pointer: &str) -> String {
+    let parts = pointer.split('/').map(|part| if part.starts_with('{') { "{" } else { part });
+    parts.collect::<Vec<_>>().join("/")
 }
 
 /// Notes the target of an animation by `KHR_animation_pointer`, or of a graph. Sets the flag of an

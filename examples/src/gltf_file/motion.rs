@@ -363,6 +363,8 @@ impl Channel {
         let values_of_key = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
         times.truncate(values.len() / values_of_key);
         values.truncate(times.len() * values_of_key);
+        times.shrink_to_fit();
+        values.shrink_to_fit();
         Ok(Self { times, values, interpolation })
     }
 

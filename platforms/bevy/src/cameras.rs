@@ -128,6 +128,10 @@ impl Culler for WhereOccluders {
         self.0.hides_behind_objects()
     }
 
+    fn draws_other_view(&mut self) {
+        self.0.draws_other_view();
+    }
+
     fn reset(&mut self) {
         self.0.reset();
     }

@@ -163,6 +163,10 @@ fn a_sector_whose_ends_are_too_thin_to_compare_sees_all() {
     let thin = [1.0, 1e-320];
     assert_eq!(look([1.0, 1e-310], thin), [0, 1], "two directions close to an axis");
     assert_eq!(look(thin, thin), [0u32; 0], "the same vector twice");
+    // Scaled to size 1, the first vector's component would be 0.
+    for [right, left] in [[[1e150, 1e-200], [1e150, 0.0]], [[1e200, 5e-150], [1e200, 0.0]]] {
+        assert_eq!(look(right, left), [0, 1], "nearly a full turn from {right:?} to {left:?}");
+    }
     for [right, left] in [[[1.0, 0.0], [2.0, 0.0]], [[0.0, 3.0], [0.0, 1.0]], [[-1.0, -1.0], [-5.0, -5.0]]] {
         assert_eq!(look(right, left), [0u32; 0], "two lengths of {right:?}");
     }

@@ -47,8 +47,8 @@ impl DiscView {
 
     /// Restricts the view to the directions from `right` counter-clockwise to `left`. With vectors of equal
     /// direction, the view sees nothing. Whether `left` is clockwise of `right`, so that the sector is nearly
-    /// a full turn, is decided exactly. Vectors may have any length; if one is zero, infinite or NaN, the
-    /// view sees all directions.
+    /// a full turn, is decided exactly. Vectors may have any length; if one is zero, infinite or NaN, or has
+    /// one component so small beside the other that products may underflow, the view sees all directions.
     pub fn with_sector(self, right: [f64; 2], left: [f64; 2]) -> Self {
         let is_known = |v: [f64; 2]| v.iter().all(|x| x.is_finite()) && v != [0.0; 2];
         let number = |[x, y]: [f64; 2]| {
@@ -116,9 +116,8 @@ fn turn(right: [f64; 2], left: [f64; 2]) -> Option<Ordering> {
             size if size < two_to(-400) => two_to(600),
             _ => 1.0,
         };
-        let [x, y] = [by * x, by * y];
-        let is_exact = [x, y].iter().all(|x| *x == 0.0 || x.abs() >= two_to(-480));
-        is_exact.then_some(robust::Coord { x, y })
+        let is_exact = [x, y].iter().all(|&x| x == 0.0 || (by * x).abs() >= two_to(-480));
+        is_exact.then_some(robust::Coord { x: by * x, y: by * y })
     };
     robust::orient2d(scaled(right)?, scaled(left)?, robust::Coord { x: 0.0, y: 0.0 }).partial_cmp(&0.0)
 }

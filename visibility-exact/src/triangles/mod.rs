@@ -344,8 +344,16 @@ impl SceneTriangles {
                 let (x, y) = (ring[k].2, ring[(k + 1) % n].2);
                 normal.cross(y - x).normalize_or_zero().dot(pc - x)
             };
-            let is_convex =
-                || (0..n).all(|k| if k + 1 == at { inside(k) < 0.0 } else { inside(k) >= -flatness });
+            // The check of proofs asks each corner against each side, so older corners against new sides too.
+            let holds = |x: DVec3, y: DVec3| {
+                let inwards = normal.cross(y - x).normalize_or_zero();
+                ring.iter().all(|corner| inwards.dot(corner.2 - x) >= -flatness)
+            };
+            let is_convex = || {
+                (0..n).all(|k| if k + 1 == at { inside(k) < 0.0 } else { inside(k) >= -flatness })
+                    && holds(ring[at - 1].2, pc)
+                    && holds(pc, ring[at % n].2)
+            };
             if !flat || ring.iter().any(|corner| corner.0 == c) || !is_convex() {
                 continue;
             }

@@ -140,7 +140,9 @@ class Scene(_visibility.Scene):
             parts = {True: [], False: []}
             for rings, kind, materials in _surfaces(finest):
                 if kind not in _CITY_NO_MATTER:
-                    is_clear = kind in transparent or any(is_clear_style[number] for number in materials)
+                    # A material that the file does not have may be transparent.
+                    clear = [is_clear_style[number] if number < len(is_clear_style) else True for number in materials]
+                    is_clear = kind in transparent or any(clear)
                     parts[hides and not is_clear].append(_triangulated(positions, rings))
             for hides, triangles in parts.items():
                 triangles = np.concatenate([*triangles, np.empty((0, 3), dtype=np.int64)])
@@ -198,8 +200,8 @@ def _surfaces(geometry):
     depth = depths.get(geometry.get("type"))
     if depth is None:
         return []
-    semantics, boundaries = geometry.get("semantics", {}), geometry.get("boundaries", [])
-    themes = [theme.get("values", theme.get("value")) for theme in geometry.get("material", {}).values()]
+    semantics, boundaries = geometry.get("semantics") or {}, geometry.get("boundaries", [])
+    themes = [theme.get("values", theme.get("value")) for theme in (geometry.get("material") or {}).values()]
     found = []
     for rings, kind, *materials in _beside(boundaries, [semantics.get("values"), *themes], depth):
         kind = None if kind is None else semantics["surfaces"][kind].get("type")
@@ -211,7 +213,8 @@ def _beside(boundaries, lists, depth):
     """Yields each surface of boundaries with its values in the lists, which are nested alike; a value that is no list
     counts for all within."""
     for number, part in enumerate(boundaries):
-        values = [values[number] if isinstance(values, list) else values for values in lists]
+        # Lists may end early: no value is left for what is beyond.
+        values = [(values[number : number + 1] or [None])[0] if isinstance(values, list) else values for values in lists]
         if depth == 0:
             yield part, *values
         else:
