@@ -158,6 +158,10 @@ typedef struct vis_graph vis_graph;
 // polygons hide only what the triangles hide.
 typedef struct vis_level vis_level;
 
+// Levels of detail of the visible objects of one view, chosen once per frame, with the levels of the frame
+// before.
+typedef struct vis_lods vis_lods;
+
 // Software renderer that finds the objects with at least one visible pixel, for tests and tools, not for
 // frames.
 typedef struct vis_measure vis_measure;
@@ -197,6 +201,22 @@ typedef struct vis_visible vis_visible;
 // Observers and targets of one tick, with the answer which of them see which. Keeps what it can for the
 // next.
 typedef struct vis_who_sees vis_who_sees;
+
+// Level of detail to draw for a visible object. While `fade` is less than 1, `previous` is drawn too: the
+// weight of `level` is `fade * opacity`, that of `previous` is `(1 - fade) * opacity`.
+typedef struct vis_lod {
+  // Id of the object.
+  uint64_t object;
+  // Level of detail to draw: 0 for the finest.
+  uint32_t level;
+  // Level that `level` replaces; equal to `level` while no cross-fade is in progress.
+  uint32_t previous;
+  // Weight of `level` in the cross-fade from `previous`, from 0 to 1; 1 while none is in progress.
+  float fade;
+  // Opacity of the object by its draw range, from 0 to 1: less than 1 only for an object that fades (see
+  // `vis_scene_set_draw_range_with_margin`), and not towards its HLOD parent.
+  float opacity;
+} vis_lod;
 
 // Axis-aligned box.
 typedef struct vis_box {
@@ -360,6 +380,52 @@ uint32_t vis_abi_version(void);
 // the next call that fails on this thread; never free it.
 const char *vis_last_error(void);
 
+// Creates levels of detail for one view, whose pictures are `picture_height` pixels high: 0 or more; with 0
+// all objects have level 0. `hysteresis` is the fraction of a size by which an object must be beyond it
+// before its level changes, 0 to 0.9; 0.1 is usual. `fade_seconds` is the duration of a cross-fade from one
+// level to the next; 0 for none, 0.25 is usual. Two views, or two eyes, need two of these.
+enum vis_status vis_lods_create(double picture_height,
+                                double hysteresis,
+                                float fade_seconds,
+                                struct vis_lods **lods);
+
+// Destroys levels of detail. Does nothing for a null pointer.
+void vis_lods_destroy(struct vis_lods *lods);
+
+// Sets the height in pixels of the pictures of later frames, 0 or more.
+enum vis_status vis_lods_set_picture_height(struct vis_lods *lods, double picture_height);
+
+// Sets the point of the world, 3 finite coordinates, from which the distances of draw ranges are measured in
+// later frames; null for the view's own eye. For views of lights and mirrors, which show what the camera
+// shows. Sizes are always those in the view.
+enum vis_status vis_lods_set_distance_eye(struct vis_lods *lods, const double *eye);
+
+// Chooses the level of each object of `visible`, the set of this view's frame, by its size in pixels and the
+// sizes of `vis_scene_set_lod_sizes`. The size of an object is the diameter in pixels of the sphere around
+// its bounds, as if the whole sphere were at the nearest point of the bounds in the middle of the picture,
+// so that turning the camera changes no level. Once per frame; `elapsed_seconds` is the time since the frame
+// before, by which cross-fades advance. An object that was not visible in the frame before has the level of
+// its size at once.
+enum vis_status vis_lods_select(struct vis_lods *lods,
+                                const struct vis_scene *scene,
+                                const struct vis_view *view,
+                                const struct vis_visible *visible,
+                                float elapsed_seconds);
+
+// Writes the level of each object that was visible in the last frame, in the order of the visible set, like
+// `vis_visible_ids`. None before the first frame.
+enum vis_status vis_lods_selected(const struct vis_lods *lods,
+                                  struct vis_lod *list,
+                                  size_t capacity,
+                                  size_t *count);
+
+// Writes the level of one object in the last frame. The id in `lod` is `VIS_NO_OBJECT`, and all else 0, if
+// the object was not visible.
+enum vis_status vis_lods_lod(const struct vis_lods *lods, uint64_t object, struct vis_lod *lod);
+
+// Forgets earlier frames, so that the next one begins without cross-fades: after a cut of the camera.
+enum vis_status vis_lods_reset(struct vis_lods *lods);
+
 // Writes the bounds of an object, relative to the scene's origin.
 enum vis_status vis_scene_bounds(const struct vis_scene *scene, uint64_t object, struct vis_box *bounds);
 
@@ -395,6 +461,16 @@ enum vis_status vis_scene_maintain(struct vis_scene *scene, size_t budget, size_
 // Builds the best hierarchy for the present objects. Call this once after loading, not in each frame. Ids
 // stay valid.
 enum vis_status vis_scene_rebuild(struct vis_scene *scene);
+
+// Gives `count` objects the same levels of detail, those of their mesh, for `vis_lods_select`: `sizes` are
+// the sizes in pixels that divide the levels, at most 255, positive and finite. With 200 and 50, level 0 is
+// for 200 pixels and more, level 1 for 50 and more, level 2 for all below. Without sizes, as for new
+// objects, the level is 0. If an id is unknown, nothing changes.
+enum vis_status vis_scene_set_lod_sizes(struct vis_scene *scene,
+                                        const uint64_t *ids,
+                                        size_t count,
+                                        const float *sizes,
+                                        size_t size_count);
 
 // Stores an occluder mesh in a scene, for any number of objects, and writes its id. `positions` has 3
 // numbers per vertex, `indices` 3 per triangle, counter-clockwise from the front. Only front faces occlude,
@@ -458,6 +534,16 @@ enum vis_status vis_pipeline_add_frustum(struct vis_pipeline *pipeline);
 enum vis_status vis_pipeline_add_contribution(struct vis_pipeline *pipeline,
                                               double picture_height,
                                               double min_pixels);
+
+// Changes the contribution culling that was added last for later frames: the height of the pictures and the
+// least size, as for `vis_pipeline_add_contribution`, and the point of the world, 3 finite coordinates, from
+// which the distances of draw ranges and HLOD parents are measured; null for the view's own eye. A view of a
+// light or a mirror gets the eye of the camera, so that it shows the objects that the camera shows. Returns
+// `VIS_ERROR_STATE` if the pipeline has no contribution culling.
+enum vis_status vis_pipeline_set_contribution(struct vis_pipeline *pipeline,
+                                              double picture_height,
+                                              double min_pixels,
+                                              const double *distance_eye);
 
 // Appends occlusion culling by a software hierarchical z-buffer. It removes objects hidden behind objects
 // that have a mesh and the flag `VIS_OBJECT_OCCLUDER`. `width` and `height` are the size of the buffer in
@@ -573,6 +659,16 @@ enum vis_status vis_scene_set_flags(struct vis_scene *scene, uint64_t object, ui
 // range. If two levels of detail have different bounds, adjoining ranges leave distances at which neither is
 // drawn. To avoid this, make the far level the parent of the near one with `vis_scene_set_hlod_parent`.
 enum vis_status vis_scene_set_draw_range(struct vis_scene *scene, uint64_t object, float begin, float end);
+
+// Sets the distances at which an object is drawn, as `vis_scene_set_draw_range` does, and the length
+// `margin` in metres, finite, inside of the range, over which the object fades in from `begin` on and out up
+// to `end`. A range from 0 does not fade in. `vis_lod` has the opacity. An object that fades hides nothing
+// at any distance.
+enum vis_status vis_scene_set_draw_range_with_margin(struct vis_scene *scene,
+                                                     uint64_t object,
+                                                     float begin,
+                                                     float end,
+                                                     float margin);
 
 // Makes `parent` replace an object beyond the begin of the parent's draw range, for the stage
 // `vis_pipeline_add_contribution`; `VIS_NO_OBJECT` for no parent. Distances of both are measured from the

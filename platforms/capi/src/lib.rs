@@ -12,10 +12,14 @@
 //! Every function runs its body in [`error::border`], which turns errors into codes and stops panics. Handles
 //! are behind the locks of [`handle`].
 
+mod contribution;
 #[macro_use]
 mod error;
 mod handle;
+mod lods;
 mod moves;
+mod numbers;
+mod object_data;
 mod occluders;
 mod pipeline;
 mod pointer;
@@ -27,7 +31,9 @@ mod visible;
 mod whole;
 
 pub use error::*;
+pub use lods::*;
 pub use moves::*;
+pub use object_data::*;
 pub use occluders::*;
 pub use pipeline::*;
 pub use scene::*;
@@ -41,6 +47,7 @@ pub use whole::*;
 /// `Sync`.
 const _: () = {
     const fn any_thread<T: Send + Sync>() {}
+    any_thread::<vis_lods>();
     any_thread::<vis_pipeline>();
     any_thread::<vis_scene>();
     any_thread::<vis_view>();

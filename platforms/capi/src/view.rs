@@ -91,7 +91,10 @@ fn camera(matrix: impl Into<ClipMatrix>, depth: u32, origin: Option<&[f64; 3]>) 
 ///
 /// # Safety
 /// The same as for [`reference`].
-unsafe fn optional_point<'a>(point: *const f64, name: &str) -> Result<Option<&'a [f64; 3]>, Error> {
+pub(crate) unsafe fn optional_point<'a>(
+    point: *const f64,
+    name: &str,
+) -> Result<Option<&'a [f64; 3]>, Error> {
     if point.is_null() {
         return Ok(None);
     }

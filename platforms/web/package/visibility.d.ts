@@ -179,6 +179,30 @@ export interface OnlineStep {
   stats: Stats;
 }
 
+/**
+ * The level of detail to draw for a visible object. While `fade` is less than 1, `previous` is drawn too: the weight of
+ * `level` is `fade * opacity`, that of `previous` is `(1 - fade) * opacity`.
+ */
+export interface Lod {
+  /** 0 for the finest. */
+  level: number;
+  /** Level that `level` replaces; equal to `level` while no cross-fade is in progress. */
+  previous: number;
+  /** Weight of `level` in the cross-fade, from 0 to 1; 1 while none is in progress. */
+  fade: number;
+  /** Opacity by the draw range: less than 1 only for an object that fades, by the `margin` of `setDrawRange`. */
+  opacity: number;
+}
+
+/** Levels of detail of many objects: of each property a list, in the same order. */
+export interface SelectedLods {
+  ids: BigUint64Array;
+  levels: Uint8Array;
+  previous: Uint8Array;
+  fades: Float32Array;
+  opacities: Float32Array;
+}
+
 /** How a result differs from what a software renderer sees. */
 export interface Comparison {
   reportedObjects: number;
@@ -206,6 +230,12 @@ export interface Visibility {
   createPipeline(): Pipeline;
   /** Creates a set for the results of one view; with `changes`, it also tells what appeared and vanished. */
   createVisible(options?: { changes?: boolean }): Visible;
+  /**
+   * Creates levels of detail for one view, whose pictures are so many pixels high. A level changes only when the size is
+   * beyond its limit by the fraction `hysteresis`, 0 to 0.9 and 0.1 by default, and in a cross-fade of `fade` seconds,
+   * 0.25 by default, 0 for none.
+   */
+  createLods(pictureHeight: number, options?: { hysteresis?: number; fade?: number }): Lods;
   /**
    * Creates a software renderer of so many pixels that judges results: for tests and tools, not for frames.
    */
@@ -343,12 +373,22 @@ export interface Scene extends Handle {
   setTransforms(ids: ArrayLike<ObjectId>, matrices: Numbers): void;
   setLayers(id: ObjectId, layers: number): void;
   setFlags(id: ObjectId, flags: number): void;
-  /** Sets the distances at which an object is drawn, for `addContribution`. */
-  setDrawRange(id: ObjectId, begin: number, end?: number): void;
+  /**
+   * Sets the distances at which an object is drawn, for `addContribution`. With a `margin`, 0 by default, the object
+   * fades over that length inside of the range, from `begin` on and out up to `end`, by the `opacity` of `Lods`; a range
+   * from 0 does not fade in. An object that fades hides nothing.
+   */
+  setDrawRange(id: ObjectId, begin: number, end?: number, margin?: number): void;
   /**
    * Makes `parent` stand in for an object beyond the begin of the parent's draw range, for `addContribution`.
    */
   setHlodParent(id: ObjectId, parent?: ObjectId): void;
+  /**
+   * Gives objects the same levels of detail, those of their mesh, for `Lods`: the sizes in pixels that divide the levels,
+   * at most 255. With `[200, 50]`, level 0 is for 200 pixels and more, level 1 for 50 and more, level 2 for all below.
+   * Without sizes, as for new objects, the level is 0.
+   */
+  setLodSizes(ids: ArrayLike<ObjectId>, sizes: Numbers): void;
   /**
    * Stores an occluder mesh for any number of objects: 3 numbers a vertex, 3 indices a triangle,
    * counter-clockwise from the front. Each pixel that it covers must be covered by the object as drawn, or
@@ -441,6 +481,12 @@ export interface Pipeline extends Handle {
    */
   addContribution(pictureHeight: number, leastPixels: number): this;
   /**
+   * Changes what `addContribution` added last, for later frames. Distances of draw ranges and HLOD parents are measured
+   * from `distanceEye`, a point of the world, or from the view's own eye without it: a view of a light or a mirror gets
+   * the eye of the camera, so that it shows the objects that the camera shows.
+   */
+  setContribution(pictureHeight: number, leastPixels: number, distanceEye?: Triple): void;
+  /**
    * Removes what occluders hide, by a z-buffer of this size in pixels, 512 x 288 by default. Conservative.
    */
   addZBuffer(width?: number, height?: number): this;
@@ -517,6 +563,30 @@ export interface Visible extends Handle {
   contains(scene: Scene, id: ObjectId): boolean;
   /** Sorts the objects by ascending index. */
   sortByIndex(scene: Scene): void;
+}
+
+/** Levels of detail of the visible objects of one view, with those of the frame before. */
+export interface Lods extends Handle {
+  /** Sets the height in pixels of the pictures of later frames. */
+  setPictureHeight(pictureHeight: number): void;
+  /**
+   * Sets the point of the world from which the distances of draw ranges are measured in later frames; without it the
+   * view's own eye. For views of lights and mirrors.
+   */
+  setDistanceEye(eye?: Triple): void;
+  /**
+   * Chooses the level of each object of `visible`, the set of this view's frame, by its size in pixels and the sizes of
+   * `Scene.setLodSizes`; once per frame. The size is the diameter in pixels of the sphere around the object's box, as if
+   * it were at the nearest point of the box in the middle of the picture. Cross-fades advance by `elapsedSeconds`, the
+   * time since the frame before. An object that was not visible in the frame before has the level of its size at once.
+   */
+  select(scene: Scene, view: View, visible: Visible, elapsedSeconds: number): void;
+  /** The levels of the visible objects of the last frame, in the order of the visible set. */
+  readonly selected: SelectedLods;
+  /** The level of one object in the last frame; null if it was not visible. */
+  lod(id: ObjectId): Lod | null;
+  /** Forgets earlier frames, so that the next one begins without cross-fades: after a cut of the camera. */
+  reset(): void;
 }
 
 export interface Judge extends Handle {

@@ -43,6 +43,7 @@ const WALL_BYTES = 40;
 const WALL_HIT_BYTES = 24;
 const LIGHT_BYTES = 72;
 const RAY_HIT_BYTES = 16;
+const LOD_BYTES = 24;
 /** Numbers of `vis_light_kind`. */
 const [DIRECTIONAL, POINT, SPOT] = [0, 1, 2];
 /** `VIS_NO_WALL` of the header. */
@@ -323,6 +324,11 @@ class Wasm {
     return this.put(Float64Array, triple(numbers, name));
   }
 
+  /** Puts a point, or nothing for none. */
+  optionalPoint(numbers, name) {
+    return numbers ? this.point(numbers, name) : 0;
+  }
+
   /** Puts elements of `each` numbers: pointer and count. */
   numbers(array, each, name) {
     const count = elements(array, each, name);
@@ -495,6 +501,10 @@ class Visibility {
 
   createVisible({ changes = false } = {}) {
     return Handle.made(Visible, this.#wasm, "visible", "vis_visible_create", bit(changes, "changes"));
+  }
+
+  createLods(pictureHeight, { hysteresis = 0.1, fade = 0.25 } = {}) {
+    return Handle.made(Lods, this.#wasm, "lods", "vis_lods_create", pictureHeight, hysteresis, fade);
   }
 
   createJudge(width, height) {
@@ -766,12 +776,20 @@ class Scene extends Handle {
     this.wasm.call((wasm) => wasm.check("vis_scene_set_flags", this.pointer, id, whole(flags, "flags")));
   }
 
-  setDrawRange(id, begin, end = Infinity) {
-    this.wasm.call((wasm) => wasm.check("vis_scene_set_draw_range", this.pointer, id, begin, end));
+  setDrawRange(id, begin, end = Infinity, margin = 0) {
+    const range = [begin, end, margin];
+    this.wasm.call((wasm) => wasm.check("vis_scene_set_draw_range_with_margin", this.pointer, id, ...range));
   }
 
   setHlodParent(id, parent = NO_OBJECT) {
     this.wasm.call((wasm) => wasm.check("vis_scene_set_hlod_parent", this.pointer, id, parent));
+  }
+
+  setLodSizes(ids, sizes) {
+    this.wasm.call((wasm) => {
+      const of = [wasm.put(BigUint64Array, ids), ids.length, wasm.put(Float32Array, sizes), sizes.length];
+      wasm.check("vis_scene_set_lod_sizes", this.pointer, ...of);
+    });
   }
 
   addMesh({ positions, indices, twoSided = false } = {}) {
@@ -872,7 +890,7 @@ class View extends Handle {
     this.wasm.call((wasm) => {
       sameLength(matrix, 16, "matrix");
       const [Type, suffix] = matrix instanceof Float32Array ? [Float32Array, ""] : [Float64Array, "_f64"];
-      const from = origin ? wasm.put(Float64Array, triple(origin, "origin")) : 0;
+      const from = wasm.optionalPoint(origin, "origin");
       const parameters = [wasm.put(Type, matrix), whole(depth, "depth"), from];
       wasm.check(`vis_view_set_matrix${suffix}`, this.pointer, ...parameters);
     });
@@ -951,6 +969,13 @@ class Pipeline extends Handle {
     return this.wasm.call((wasm) => {
       const of = [wasm.pointer(level, "level"), wasm.point(origin, "origin")];
       return this.#add("z_buffer_of_level", width, height, ...of);
+    });
+  }
+
+  setContribution(pictureHeight, leastPixels, distanceEye) {
+    this.wasm.call((wasm) => {
+      const eye = wasm.optionalPoint(distanceEye, "distanceEye");
+      wasm.check("vis_pipeline_set_contribution", this.pointer, pictureHeight, leastPixels, eye);
     });
   }
 
@@ -1072,6 +1097,61 @@ class Visible extends Handle {
     this.wasm.call((wasm) =>
       wasm.check("vis_visible_sort_by_index", this.pointer, wasm.pointer(scene, "scene")),
     );
+  }
+}
+
+class Lods extends Handle {
+  setPictureHeight(pictureHeight) {
+    this.wasm.call((wasm) => wasm.check("vis_lods_set_picture_height", this.pointer, pictureHeight));
+  }
+
+  setDistanceEye(eye) {
+    this.wasm.call((wasm) =>
+      wasm.check("vis_lods_set_distance_eye", this.pointer, wasm.optionalPoint(eye, "eye")),
+    );
+  }
+
+  select(scene, view, visible, elapsedSeconds) {
+    this.wasm.call((wasm) =>
+      wasm.check("vis_lods_select", this.pointer, ...wasm.frame(scene, view, visible), elapsedSeconds),
+    );
+  }
+
+  get selected() {
+    return this.wasm.call((wasm) => {
+      const [at, length] = wasm.listed(LOD_BYTES, "vis_lods_selected", this.pointer);
+      const { buffer } = wasm.exports.memory;
+      const [words, floats] = [Uint32Array, Float32Array].map((Type) => new Type(buffer, at, 6 * length));
+      const ids = new BigUint64Array(buffer, at, 3 * length);
+      const column = (Type, from, first, each) => {
+        const values = new Type(length);
+        for (let i = 0; i < length; i++) values[i] = from[each * i + first];
+        return values;
+      };
+      return {
+        ids: column(BigUint64Array, ids, 0, 3),
+        levels: column(Uint8Array, words, 2, 6),
+        previous: column(Uint8Array, words, 3, 6),
+        fades: column(Float32Array, floats, 4, 6),
+        opacities: column(Float32Array, floats, 5, 6),
+      };
+    });
+  }
+
+  lod(id) {
+    return this.wasm.call((wasm) => {
+      const at = wasm.borrow(LOD_BYTES);
+      wasm.check("vis_lods_lod", this.pointer, id, at);
+      const data = wasm.data();
+      if (data.getBigUint64(at, true) === NO_OBJECT) return null;
+      const [level, previous] = [8, 12].map((offset) => data.getUint32(at + offset, true));
+      const [fade, opacity] = [16, 20].map((offset) => data.getFloat32(at + offset, true));
+      return { level, previous, fade, opacity };
+    });
+  }
+
+  reset() {
+    this.wasm.call((wasm) => wasm.check("vis_lods_reset", this.pointer));
   }
 }
 

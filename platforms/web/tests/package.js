@@ -464,6 +464,76 @@ for (const simd128 of [false, true]) {
     assert.throws(() => visibility.createLevel([1, 2]), refused("ARGUMENT", /multiple of 9/));
   });
 
+  test(say("levels of detail follow the size in pixels, with a fade and by draw ranges"), () => {
+    const scene = visibility.createScene();
+    // Cubes of 1 m, 10 and 40 m ahead, and one that fades from 30 to 50 m.
+    const cube = (x, y) => [x, y, 0, x + 1, y + 1, 1];
+    const [near, far, fading] = scene.insertAll({ bounds: [cube(10, 1), cube(40, 1), cube(40, -2)].flat() });
+    // Of a picture of 1000 rows, at 10 m: sqrt(3) m are 1.73 / 10 * SCALE * 500 = 159 pixels; at 40 m, 40.
+    scene.setLodSizes([near, far], [100, 50]);
+    scene.setDrawRange(fading, 0, 50, 20);
+    const [view, visible] = [visibility.createView(), visibility.createVisible()];
+    const pipeline = visibility.createPipeline().addFrustum().addContribution(1000, 1);
+    const lods = visibility.createLods(1000, { hysteresis: 0.1, fade: 0.5 });
+    const frame = (x, seconds = 0.25) => {
+      view.setPerspective({ ...CAMERA, eye: [x, 0, 0], target: [x + 1, 0, 0] });
+      pipeline.cull(scene, view, visible);
+      visible.sortByIndex(scene);
+      lods.select(scene, view, visible, seconds);
+      const { ids, levels, previous, fades, opacities } = lods.selected;
+      ids.forEach((id, i) => {
+        const at = { level: levels[i], previous: previous[i], fade: fades[i], opacity: opacities[i] };
+        assert.deepEqual(lods.lod(id), at);
+      });
+      return { ids: [...ids], levels: [...levels], previous: [...previous], fades: [...fades], opacities };
+    };
+    const first = frame(0);
+    assert.deepEqual(first.ids, [near, far, fading]);
+    assert.deepEqual([first.levels, first.previous, first.fades], [[0, 2, 0], [0, 2, 0], [1, 1, 1]]);
+    assert.ok(first.opacities[0] === 1 && Math.abs(first.opacities[2] - 0.5) < 0.01, `${first.opacities}`);
+    // From 21 m on, the far cube is 84 pixels, beyond 50 by more than the hysteresis: half a second of a fade.
+    const second = frame(21);
+    assert.deepEqual([second.ids, second.levels], [[far, fading], [1, 0]]);
+    assert.deepEqual([second.previous[0], second.fades[0], second.opacities[1]], [2, 0, 1]);
+    assert.deepEqual([frame(21).fades[0], frame(21).fades[0]], [0.5, 1]);
+    // At 47 pixels the level stays by the hysteresis; after a reset it is that of the size.
+    assert.deepEqual([frame(6.5).levels[1], lods.lod(near).level], [1, 0]);
+    assert.equal(lods.lod(999n), null);
+    lods.reset();
+    assert.deepEqual([frame(6.5).levels[1], frame(6.5).fades[1]], [2, 1]);
+    lods.setPictureHeight(0);
+    lods.reset();
+    assert.deepEqual(frame(0).levels, [0, 0, 0], "without a height all is fine");
+    // Seen from far behind, the one with a range is beyond its end.
+    pipeline.setContribution(1000, 1, [-30, 0, 0]);
+    lods.setDistanceEye([-5, 0, 0]);
+    assert.deepEqual(frame(0).ids, [near, far]);
+    pipeline.setContribution(1000, 1);
+    assert.ok(Math.abs(frame(0).opacities[2] - 0.25) < 0.01, "the margin, 45 m from the eye of the camera");
+    lods.setDistanceEye();
+    assert.ok(Math.abs(frame(0).opacities[2] - 0.5) < 0.01, "the margin, from the view's own eye");
+
+    assert.throws(() => visibility.createLods(), refused("ARGUMENT", /is missing, or/));
+    assert.throws(() => visibility.createLods(-1), refused("ARGUMENT", /the picture height cannot be -1/));
+    const odd = (options) => () => visibility.createLods(1000, options);
+    assert.throws(odd({ hysteresis: 1 }), refused("ARGUMENT", /the hysteresis cannot be 1/));
+    assert.throws(odd({ fade: -1 }), refused("ARGUMENT", /the fade cannot be -1/));
+    assert.throws(() => scene.setLodSizes([near], [5, 0]), refused("ARGUMENT", /size 1 cannot be 0/));
+    assert.throws(() => scene.setLodSizes([near, 7n], [5]), refused("UNKNOWN_ID", /7/));
+    assert.throws(() => scene.setLodSizes([1], [5]), refused("ARGUMENT", /ids are bigint/));
+    assert.throws(() => lods.select(scene, view, visible, -1), refused("ARGUMENT", /elapsed time cannot be -1/));
+    assert.throws(() => lods.select(scene, view, visible), refused("ARGUMENT", /is missing, or/));
+    assert.throws(() => lods.select(foreign, view, visible, 0), refused("ARGUMENT", /a scene of this library/));
+    assert.throws(() => lods.setDistanceEye([0, NaN, 0]), refused("ARGUMENT", /`eye` is not finite/));
+    assert.throws(() => pipeline.setContribution(1, 1, [0]), refused("ARGUMENT", /`distanceEye` is not a list/));
+    assert.throws(
+      () => visibility.createPipeline().setContribution(1, 1),
+      refused("STATE", /has no contribution culling/),
+    );
+    lods.destroy();
+    assert.throws(() => lods.selected, refused("NULL", /lods/));
+  });
+
   test(say("a list is asked for once, unless it is longer than before"), async () => {
     const { instantiate } = WebAssembly;
     const counts = {};

@@ -1,0 +1,66 @@
+//! Contribution culling as a stage whose settings change from frame to frame.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use visibility_core::glam::DVec3;
+use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
+use visibility_frame::lod::ContributionCuller;
+
+/// Settings of a stage: the height of the pictures and the least size in pixels, and the point that distances
+/// are measured from, `None` for the view's own eye.
+#[derive(Debug)]
+pub(crate) struct Contribution(Mutex<(f64, f64, Option<DVec3>)>);
+
+impl Contribution {
+    /// Sets what the next frame culls by.
+    pub(crate) fn set(&self, picture_height: f64, min_pixels: f64, distance_eye: Option<DVec3>) {
+        let settings = (picture_height, min_pixels, distance_eye);
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = settings;
+    }
+}
+
+/// A [`ContributionCuller`] that takes its settings anew in each frame.
+pub(crate) struct FollowingContribution {
+    culler: ContributionCuller,
+    settings: Arc<Contribution>,
+}
+
+impl FollowingContribution {
+    /// Returns a stage and its settings, by which distances are measured from the view's own eye.
+    pub(crate) fn new(picture_height: f64, min_pixels: f64) -> (Self, Arc<Contribution>) {
+        let settings = Arc::new(Contribution(Mutex::new((picture_height, min_pixels, None))));
+        let culler = ContributionCuller::new(picture_height, min_pixels);
+        (Self { culler, settings: settings.clone() }, settings)
+    }
+}
+
+impl Culler for FollowingContribution {
+    fn name(&self) -> &str {
+        self.culler.name()
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        self.culler.accuracy()
+    }
+
+    fn follows_draw_ranges(&self) -> bool {
+        self.culler.follows_draw_ranges()
+    }
+
+    fn follows_sizes(&self) -> bool {
+        self.culler.follows_sizes()
+    }
+
+    fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
+        let settings = self.settings.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let (picture_height, min_pixels, distance_eye) = *settings;
+        drop(settings);
+        self.culler.set_picture_height(picture_height);
+        self.culler.set_min_pixels(min_pixels);
+        self.culler.set_distance_eye(distance_eye);
+        self.culler.cull(scene, view, visible)
+    }
+
+    fn reset(&mut self) {
+        self.culler.reset();
+    }
+}
