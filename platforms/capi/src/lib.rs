@@ -13,6 +13,7 @@
 //! are behind the locks of [`handle`].
 
 mod contribution;
+mod draw_list;
 #[macro_use]
 mod error;
 mod handle;
@@ -30,6 +31,7 @@ mod visible;
 #[cfg(feature = "whole")]
 mod whole;
 
+pub use draw_list::*;
 pub use error::*;
 pub use lods::*;
 pub use moves::*;
@@ -47,6 +49,7 @@ pub use whole::*;
 /// `Sync`.
 const _: () = {
     const fn any_thread<T: Send + Sync>() {}
+    any_thread::<vis_draw_list>();
     any_thread::<vis_lods>();
     any_thread::<vis_pipeline>();
     any_thread::<vis_scene>();

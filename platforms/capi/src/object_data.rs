@@ -10,6 +10,9 @@ use visibility_core::{ObjectId, Scene};
 /// Greatest number of sizes that divide the levels of detail of an object: a level is a byte in the crates.
 const MOST_SIZES: usize = 255;
 
+/// Greatest key of an object in draw lists: the sum of a key and a level has 32 bits.
+const GREATEST_KEY: u32 = u32::MAX - MOST_SIZES as u32;
+
 /// Data of objects by index. Data of an object that was removed are those of no object.
 #[derive(Debug, Default)]
 pub(crate) struct ObjectData {
@@ -26,11 +29,13 @@ struct Entry {
     id: ObjectId,
     /// Place of the object's sizes in `lists`. `None` if it has no sizes.
     sizes: Option<u32>,
+    /// Key of the object in draw lists; at most `GREATEST_KEY`.
+    key: u32,
 }
 
 impl Entry {
     const fn new(id: ObjectId) -> Self {
-        Self { id, sizes: None }
+        Self { id, sizes: None, key: 0 }
     }
 }
 
@@ -45,12 +50,19 @@ impl ObjectData {
         place.and_then(|place| self.lists.get(place as usize)).map_or(&[], |list| list)
     }
 
-    /// Calls `change` with the entry of each object. An error, and no call, if an object is not in the scene.
-    fn change(
+    /// Returns the key of an object in draw lists; 0 for an object that was given none.
+    pub(crate) fn key(&self, id: ObjectId) -> u32 {
+        self.get(id).map_or(0, |entry| entry.key)
+    }
+
+    /// Calls `change` with the entry of each object and its element of `values`. An error, and no call, if an
+    /// object is not in the scene.
+    fn change<T>(
         &mut self,
         scene: &Scene,
         ids: &[u64],
-        mut change: impl FnMut(usize, &mut Entry),
+        values: impl IntoIterator<Item = T>,
+        mut change: impl FnMut(&mut Entry, T),
     ) -> Result<(), SceneError> {
         let unknown = ids.iter().map(|&id| ObjectId::from_bits(id)).find(|&id| !scene.contains(id));
         if let Some(id) = unknown {
@@ -59,13 +71,13 @@ impl ObjectData {
         if self.entries.len() < scene.index_limit() {
             self.entries.resize(scene.index_limit(), Entry::new(ObjectId::PLACEHOLDER));
         }
-        for (place, &id) in ids.iter().enumerate() {
+        for (&id, value) in ids.iter().zip(values) {
             let id = ObjectId::from_bits(id);
             let Some(entry) = self.entries.get_mut(id.index()) else { continue };
             if entry.id != id {
                 *entry = Entry::new(id);
             }
-            change(place, entry);
+            change(entry, value);
         }
         Ok(())
     }
@@ -112,6 +124,29 @@ pub unsafe extern "C" fn vis_scene_set_lod_sizes(
         }
         let State { scene, data, .. } = &mut *scene.write()?;
         let place = data.place_of(sizes);
-        Ok(data.change(scene, ids, |_, entry| entry.sizes = place)?)
+        Ok(data.change(scene, ids, std::iter::repeat(place), |entry, place| entry.sizes = place)?)
+    })
+}
+
+/// Gives `count` objects their keys in draw lists: the number of the mesh, the material, the first level of
+/// the mesh, or several of them in one number; at most 4294967040. New objects have key 0. If an id is
+/// unknown, nothing changes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_set_draw_keys(
+    scene: *mut vis_scene,
+    ids: *const u64,
+    keys: *const u32,
+    count: usize,
+) -> vis_status {
+    border(|| {
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+        let (scene, ids) = unsafe { (reference(scene, "scene")?, array(ids, count, "ids")?) };
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+        let keys = unsafe { array(keys, count, "keys") }?;
+        if let Some(key) = keys.iter().find(|&&key| key > GREATEST_KEY) {
+            return Err(Error::argument(format_args!("the key {key} is more than {GREATEST_KEY}")));
+        }
+        let State { scene, data, .. } = &mut *scene.write()?;
+        Ok(data.change(scene, ids, keys, |entry, &key| entry.key = key)?)
     })
 }

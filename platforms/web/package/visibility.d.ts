@@ -236,6 +236,8 @@ export interface Visibility {
    * 0.25 by default, 0 for none.
    */
   createLods(pictureHeight: number, options?: { hysteresis?: number; fade?: number }): Lods;
+  /** Creates an empty draw list. */
+  createDrawList(): DrawList;
   /**
    * Creates a software renderer of so many pixels that judges results: for tests and tools, not for frames.
    */
@@ -389,6 +391,11 @@ export interface Scene extends Handle {
    * Without sizes, as for new objects, the level is 0.
    */
   setLodSizes(ids: ArrayLike<ObjectId>, sizes: Numbers): void;
+  /**
+   * Gives each object its key in draw lists: the number of its mesh, of its material, of the first level of its mesh, or
+   * several of them in one number; at most 4294967040. New objects have key 0.
+   */
+  setDrawKeys(ids: ArrayLike<ObjectId>, keys: Numbers): void;
   /**
    * Stores an occluder mesh for any number of objects: 3 numbers a vertex, 3 indices a triangle,
    * counter-clockwise from the front. Each pixel that it covers must be covered by the object as drawn, or
@@ -587,6 +594,35 @@ export interface Lods extends Handle {
   lod(id: ObjectId): Lod | null;
   /** Forgets earlier frames, so that the next one begins without cross-fades: after a cut of the camera. */
   reset(): void;
+}
+
+/** Visible objects grouped by the keys of `Scene.setDrawKeys`. Kept from frame to frame. */
+export interface DrawList extends Handle {
+  /**
+   * Replaces the content by the visible objects that are still in the scene, in groups of one key: groups in the order
+   * of their keys, the objects of a group in the order of the visible set.
+   */
+  group(scene: Scene, visible: Visible): void;
+  /**
+   * Replaces the content by the objects of the last frame of `lods` that are still in the scene. The key of a group is
+   * the sum of the objects' key and the level to draw, so the levels of a mesh have keys one after another.
+   */
+  groupLevels(scene: Scene, lods: Lods): void;
+  /**
+   * As `groupLevels`, for the objects in a cross-fade alone, by the level that fades out: what is drawn a second time.
+   */
+  groupFading(scene: Scene, lods: Lods): void;
+  /** The groups by ascending key, 3 numbers each: key, position of the first object in `instances`, number of objects. */
+  readonly groups: Uint32Array;
+  /** The index of each object, group after group: the buffer in which a shader looks up the object of an instance. */
+  readonly instances: Uint32Array;
+  /**
+   * The commands that draw the groups, one each, as WebGPU's `drawIndexedIndirect` reads them: 5 numbers, which are the
+   * number of indices, the number of instances, the first index, the base vertex (signed) and the first instance. Those
+   * of a key in `meshes` draw its mesh, whose instances are replaced by those of the group. Throws "ARGUMENT" if
+   * `meshes` has no command for a key.
+   */
+  commands(meshes: Numbers): Uint32Array;
 }
 
 export interface Judge extends Handle {

@@ -44,6 +44,8 @@ const WALL_HIT_BYTES = 24;
 const LIGHT_BYTES = 72;
 const RAY_HIT_BYTES = 16;
 const LOD_BYTES = 24;
+const GROUP_BYTES = 12;
+const COMMAND_BYTES = 20;
 /** Numbers of `vis_light_kind`. */
 const [DIRECTIONAL, POINT, SPOT] = [0, 1, 2];
 /** `VIS_NO_WALL` of the header. */
@@ -507,6 +509,10 @@ class Visibility {
     return Handle.made(Lods, this.#wasm, "lods", "vis_lods_create", pictureHeight, hysteresis, fade);
   }
 
+  createDrawList() {
+    return Handle.made(DrawList, this.#wasm, "draw_list", "vis_draw_list_create");
+  }
+
   createJudge(width, height) {
     return Handle.made(Judge, this.#wasm, "measure", "vis_measure_create", width, height);
   }
@@ -789,6 +795,13 @@ class Scene extends Handle {
     this.wasm.call((wasm) => {
       const of = [wasm.put(BigUint64Array, ids), ids.length, wasm.put(Float32Array, sizes), sizes.length];
       wasm.check("vis_scene_set_lod_sizes", this.pointer, ...of);
+    });
+  }
+
+  setDrawKeys(ids, keys) {
+    this.wasm.call((wasm) => {
+      const of = [wasm.put(BigUint64Array, ids), wasm.put(Uint32Array, sameLength(keys, ids.length, "keys"))];
+      wasm.check("vis_scene_set_draw_keys", this.pointer, ...of, ids.length);
     });
   }
 
@@ -1152,6 +1165,48 @@ class Lods extends Handle {
 
   reset() {
     this.wasm.call((wasm) => wasm.check("vis_lods_reset", this.pointer));
+  }
+}
+
+class DrawList extends Handle {
+  group(scene, visible) {
+    this.#group("group", scene, visible, "visible");
+  }
+
+  groupLevels(scene, lods) {
+    this.#group("group_levels", scene, lods, "lods");
+  }
+
+  groupFading(scene, lods) {
+    this.#group("group_fading", scene, lods, "lods");
+  }
+
+  #group(name, scene, of, kind) {
+    this.wasm.call((wasm) => {
+      const from = [wasm.pointer(scene, "scene"), wasm.pointer(of, kind)];
+      wasm.check(`vis_draw_list_${name}`, this.pointer, ...from);
+    });
+  }
+
+  get groups() {
+    return this.#words(GROUP_BYTES, "vis_draw_list_groups");
+  }
+
+  get instances() {
+    return this.wasm.list(Uint32Array, "vis_draw_list_instances", this.pointer);
+  }
+
+  commands(meshes) {
+    const count = elements(meshes, COMMAND_BYTES / 4, "meshes");
+    return this.#words(COMMAND_BYTES, "vis_draw_list_commands", (wasm) => [wasm.put(Uint32Array, meshes), count]);
+  }
+
+  /** Returns a copy of a list of structures of so many bytes, all of whose fields are numbers of 32 bits. */
+  #words(bytes, name, parameters = () => []) {
+    return this.wasm.call((wasm) => {
+      const [at, length] = wasm.listed(bytes, name, this.pointer, ...parameters(wasm));
+      return new Uint32Array(wasm.exports.memory.buffer, at, (length * bytes) / 4).slice();
+    });
   }
 }
 

@@ -16,7 +16,12 @@ const _: () = {
         size_of::<vis_pose>() == 72 && size_of::<vis_stats>() == 40,
         "sizes in bytes of the header's structures"
     );
-    assert!(size_of::<vis_lod>() == 24, "sizes in bytes of the header's structures");
+    assert!(
+        size_of::<vis_lod>() == 24
+            && size_of::<vis_draw_group>() == 12
+            && size_of::<vis_draw_command>() == 20,
+        "sizes in bytes of the header's structures"
+    );
 };
 
 /// As above, of what only the whole module has.

@@ -534,6 +534,79 @@ for (const simd128 of [false, true]) {
     assert.throws(() => lods.selected, refused("NULL", /lods/));
   });
 
+  test(say("draw lists group by mesh and level, and make the commands"), () => {
+    const scene = visibility.createScene();
+    const cube = (x, y) => [x, y, 0, x + 1, y + 1, 1];
+    const ids = scene.insertAll({ bounds: [cube(10, 1), cube(40, 1), cube(40, -2), cube(12, -2), cube(-9, 0)].flat() });
+    const [view, visible] = [visibility.createView(), visibility.createVisible()];
+    const [list, lods] = [visibility.createDrawList(), visibility.createLods(1000, { fade: 1 })];
+    const pipeline = visibility.createPipeline().addFrustum();
+    const frame = (x) => {
+      view.setPerspective({ ...CAMERA, eye: [x, 0, 0], target: [x + 1, 0, 0] });
+      pipeline.cull(scene, view, visible);
+      visible.sortByIndex(scene);
+      lods.select(scene, view, visible, 0.25);
+    };
+    const content = () => [[...list.groups], [...list.instances]];
+    assert.deepEqual(content(), [[], []]);
+    // Two meshes of two levels each: keys 0 and 1, and 4 and 5. At 100 pixels the level changes: 17 m away.
+    scene.setDrawKeys(ids, [4, 0, 4, 0, 0]);
+    scene.setLodSizes(ids, [100]);
+    frame(0);
+    list.group(scene, visible);
+    assert.deepEqual(content(), [[0, 0, 2, 4, 2, 2], [1, 3, 0, 2]]);
+    list.groupLevels(scene, lods);
+    assert.deepEqual(content(), [[0, 0, 1, 1, 1, 1, 4, 2, 1, 5, 3, 1], [3, 1, 0, 2]]);
+    const meshes = [36, 77, 0, -5, 77, 12, 0, 36, 9, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 6, 1, 48, 0, 0, 3, 1, 54, 0, 0];
+    const base = -5 >>> 0;
+    const expected = [36, 1, 0, base, 0, 12, 1, 36, 9, 1, 6, 1, 48, 0, 2, 3, 1, 54, 0, 3];
+    assert.deepEqual([...list.commands(meshes)], expected);
+    assert.deepEqual([...list.commands(new Int32Array(meshes))], expected);
+    assert.deepEqual([...list.commands(new Uint32Array(meshes))], expected);
+    list.groupFading(scene, lods);
+    assert.deepEqual(content(), [[], []]);
+    frame(25);
+    list.groupFading(scene, lods);
+    assert.deepEqual(content(), [[1, 0, 1, 5, 1, 1], [1, 2]], "the level before");
+    list.groupLevels(scene, lods);
+    assert.deepEqual(content(), [[0, 0, 1, 4, 1, 1], [1, 2]], "the level to draw");
+    scene.remove(ids[1]);
+    list.groupLevels(scene, lods);
+    assert.deepEqual(content(), [[4, 0, 1], [2]]);
+
+    assert.throws(() => list.commands([1, 2, 3]), refused("ARGUMENT", /multiple of 5/));
+    assert.throws(() => list.commands([1, 1, 1, 1, 1]), refused("ARGUMENT", /key 4 is not below 1/));
+    assert.throws(() => list.commands([1, 1, 1, 1, 0.5]), refused("ARGUMENT", /not a whole number/));
+    assert.throws(() => list.group(scene, lods), refused("ARGUMENT", /a visible of this library/));
+    assert.throws(() => list.groupLevels(scene, visible), refused("ARGUMENT", /a lods of this library/));
+    assert.throws(() => list.group(scene, visibility.createVisible()), refused("STATE", /no pipeline/));
+    assert.throws(() => scene.setDrawKeys([ids[0]], [1, 2]), refused("ARGUMENT", /`keys` has 2 elements, not 1/));
+    assert.throws(() => scene.setDrawKeys([ids[0]], [0.5]), refused("ARGUMENT", /not a whole number/));
+    assert.throws(() => scene.setDrawKeys([ids[0]], [4294967041]), refused("ARGUMENT", /the key 4294967041/));
+    assert.throws(() => scene.setDrawKeys([ids[1]], [1]), refused("UNKNOWN_ID", /1/));
+    assert.deepEqual(content(), [[4, 0, 1], [2]]);
+  });
+
+  test(say("the module for frames has levels of detail and draw lists"), async () => {
+    const frames = await load({ simd128, frames: true });
+    const scene = frames.createScene();
+    const [id] = scene.insertAll({ bounds: [...LAMP.min, ...LAMP.max] });
+    scene.setLodSizes([id], [1e6]);
+    scene.setDrawKeys([id], [3]);
+    const [view, visible, lods, list] = [
+      frames.createView(),
+      frames.createVisible(),
+      frames.createLods(100),
+      frames.createDrawList(),
+    ];
+    view.setPerspective(CAMERA);
+    frames.createPipeline().addFrustum().addContribution(100, 1).cull(scene, view, visible);
+    lods.select(scene, view, visible, 0);
+    list.groupLevels(scene, lods);
+    assert.deepEqual([[...list.groups], [...list.instances]], [[4, 0, 1], [0]]);
+    assert.throws(() => frames.createGraph(1, []), refused("STATE", /whole module/));
+  });
+
   test(say("a list is asked for once, unless it is longer than before"), async () => {
     const { instantiate } = WebAssembly;
     const counts = {};

@@ -10,7 +10,12 @@ use std::time::Instant;
 use visibility_core::bake::Bake;
 use visibility_core::occlusion::Preparation;
 use visibility_core::pvs::{PvsCuller, ScenePvs, Viewcell};
-use visibility_core::{Aabb, Culler, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_core::scene::DrawRange;
+use visibility_core::{
+    Aabb, Culler, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
+};
+use visibility_frame::draw_list::DrawList;
+use visibility_frame::lod::{ContributionCuller, Lod, LodSelector};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_measure::{Comparison, ItemBuffer};
 use visibility_portals::{BakerSettings, CellBaker, PortalCuller, SceneCells};
@@ -25,6 +30,16 @@ const JUDGED_EVERY: usize = 20;
 const ONLINE_EVERY: usize = 8;
 /// Interval of the frames of online sets before which an object stops hiding others.
 const OPENED_EVERY: usize = 6;
+/// Sizes in pixels that divide the levels of objects, by index modulo 3. The last have one level.
+const LOD_SIZES: [&[f32]; 3] = [&[400.0, 90.0, 30.0], &[150.0], &[]];
+/// Height in pixels of the pictures that levels of detail are for, and least size of what is drawn.
+const PICTURE_HEIGHT: f64 = 1080.0;
+const LEAST_PIXELS: f64 = 4.0;
+/// Interval of the objects that fade by their draw range, and this range.
+const RANGED_EVERY: usize = 5;
+const RANGE: DrawRange = DrawRange { begin: 1.0, end: 60.0, margin: 20.0 };
+/// Number of keys of draw lists, which are 4 apart, beyond the levels of one mesh.
+const KEYS: usize = 7;
 /// Budget of each step of online sets. It does not end a sweep in these scenes.
 const STEP_MICROSECONDS: u32 = 100_000;
 
@@ -139,6 +154,39 @@ fn answers(name: &str) -> Result<(), Box<dyn std::error::Error>> {
         let came = hash(online.came().iter().map(|id| id.index() as u32));
         let line = line(&source, &scene, view, (frame, &mut judge), &mut visible)?;
         println!("{name} online {frame} {answer} {came:08x} {line}");
+    }
+    drawn(name, &mut scene, &views)
+}
+
+/// Prints a line for each frame of levels of detail and draw lists: how many objects have a level, hashes of
+/// the levels, of the fades and of the opacities, and hashes of the groups and instances of the list by mesh
+/// and level, and of the instances that fade out.
+fn drawn(name: &str, scene: &mut Scene, views: &[View]) -> Result<(), Box<dyn std::error::Error>> {
+    for index in (0..scene.len()).step_by(RANGED_EVERY) {
+        let id = scene.id_at(index).ok_or("an object")?;
+        scene.set_draw_range(id, RANGE)?;
+    }
+    let contribution = ContributionCuller::new(PICTURE_HEIGHT, LEAST_PIXELS);
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(contribution);
+    let (mut visible, mut lods) = (VisibleSet::new(), LodSelector::new(PICTURE_HEIGHT));
+    let (mut list, mut fading) = (DrawList::new(), DrawList::new());
+    for (frame, view) in views.iter().enumerate() {
+        pipeline.cull(scene, view, &mut visible);
+        lods.select(scene, view, &visible, 0.05, |id| LOD_SIZES[id.index() % LOD_SIZES.len()]);
+        let key = |id: ObjectId, level: u8| (id.index() % KEYS * 4) as u32 + u32::from(level);
+        list.group(visible.iter(scene), |id| key(id, lods.lod(id).map_or(0, |lod| lod.level)));
+        let in_fade = lods.selected().iter().filter(|(_, lod)| lod.fade < 1.0).map(|&(id, _)| id);
+        fading.group(in_fade, |id| key(id, lods.lod(id).map_or(0, |lod| lod.previous)));
+        let column = |of: fn(&Lod) -> u32| hash(lods.selected().iter().map(|(_, lod)| of(lod)));
+        let [levels, fades, opacities] =
+            [|lod: &Lod| lod.level.into(), |lod: &Lod| lod.fade.to_bits(), |lod: &Lod| lod.opacity.to_bits()]
+                .map(column);
+        let groups = hash(list.groups().iter().flat_map(|group| [group.key, group.first, group.count]));
+        let [instances, out] = [&list, &fading].map(|list| hash(list.instances().iter().copied()));
+        let count = lods.selected().len();
+        println!(
+            "{name} drawn {frame} {count} {levels:08x} {fades:08x} {opacities:08x} {groups:08x} {instances:08x} {out:08x}"
+        );
     }
     Ok(())
 }
