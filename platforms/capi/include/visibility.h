@@ -59,6 +59,9 @@
 // Number of no wall: where a ray leaves the plan.
 #define VIS_NO_WALL 4294967295
 
+// Number of no reflection: the parent of a reflection in a mirror that the eye sees itself.
+#define VIS_NO_REFLECTION 4294967295
+
 // Result of a call. Everything but `VIS_OK` is an error. A failed call has changed nothing, unless its
 // description says otherwise, and `vis_last_error` tells what was wrong with what.
 typedef enum vis_status {
@@ -185,6 +188,10 @@ typedef struct vis_plan vis_plan;
 // Potentially visible set: for each viewcell the targets, cells or objects, that may be visible from there.
 // It never changes.
 typedef struct vis_pvs vis_pvs;
+
+// Portal culling of one view with reflections in mirrors. Its functions wait for one another and for frames
+// of the pipeline, so they never return `VIS_ERROR_BUSY` because of it.
+typedef struct vis_reflections vis_reflections;
 
 // Scene: objects, their hierarchy and their occluder meshes.
 typedef struct vis_scene vis_scene;
@@ -370,6 +377,16 @@ typedef struct vis_ray_hit {
   // never more than the exact distance.
   float distance;
 } vis_ray_hit;
+
+// A mirror that is seen in a frame.
+typedef struct vis_reflection {
+  // Number of the mirror, as `vis_cells_add_mirror` wrote it.
+  uint32_t mirror;
+  // Number of the reflection in which the mirror is seen; `VIS_NO_REFLECTION` if the eye sees it itself.
+  uint32_t parent;
+  // Number of mirrors along the lines of sight: 1 if the eye sees the mirror itself.
+  uint32_t depth;
+} vis_reflection;
 
 // Light that casts shadows, in world space and metres. Fields that its kind does not have are not read.
 typedef struct vis_light {
@@ -813,6 +830,20 @@ enum vis_status vis_view_set_layers(struct vis_view *view, uint32_t layers);
 // view set from a pose. Replaces earlier planes.
 enum vis_status vis_view_set_clip_planes(struct vis_view *view, const double *planes, size_t count);
 
+// Writes the matrix of a view, from the world relative to the point `origin` (3 finite coordinates; null for
+// the origin of the world) to clip space, in the depth convention of the view: 16 numbers, column-major. For
+// views that the library makes: those of mirrors.
+enum vis_status vis_view_matrix(const struct vis_view *view, const double *origin, double *matrix);
+
+// Writes the clip planes of a view, relative to the point `origin` (3 finite coordinates; null for the origin
+// of the world): 4 numbers a, b, c, d each, whose side with a x + b y + c z + d >= 0 is seen. `capacity` and
+// `count` are in numbers. A null or too short `planes` is handled as in `vis_visible_ids`.
+enum vis_status vis_view_clip_planes(const struct vis_view *view,
+                                     const double *origin,
+                                     double *planes,
+                                     size_t capacity,
+                                     size_t *count);
+
 // Writes whether an answer that a pipeline has made for the view `of` with a reach (see
 // `vis_pipeline_set_reach`) is good for `view`: its eye is within `metres` of that of `of`, it is turned by
 // at most `radians`, and lens, near and far plane and layers are the same. With this, an answer that another
@@ -957,6 +988,19 @@ enum vis_status vis_cells_set_open(struct vis_cells *cells, uint32_t portal, boo
 // Sets the directions in which an open portal can be seen through: from its first cell into the second
 // (`forward`), from the second into the first (`backward`), or both. To allow neither, close the portal.
 enum vis_status vis_cells_set_passage(struct vis_cells *cells, uint32_t portal, bool forward, bool backward);
+
+// Adds a mirror on the boundary of a cell and writes its number, counted from 0. Its `vertex_count` vertices,
+// 3 coordinates each, make a convex polygon in a plane, counter-clockwise as seen from within the cell. Views
+// with `vis_reflections` then find what is seen in the mirror. If the glass itself is drawn, it is an object
+// of the scene.
+enum vis_status vis_cells_add_mirror(struct vis_cells *cells,
+                                     uint32_t cell,
+                                     const double *vertices,
+                                     size_t vertex_count,
+                                     uint32_t *mirror);
+
+// Sets whether a mirror reflects (`uncovered`), as new mirrors do, or is covered and shows nothing.
+enum vis_status vis_cells_set_mirror(struct vis_cells *cells, uint32_t mirror, bool uncovered);
 
 // Writes whether one cell may see another, from anywhere inside, through the portals that are open now.
 // Useful for sound and for the AI of guards.
@@ -1214,6 +1258,43 @@ enum vis_status vis_scene_in_box(const struct vis_scene *scene,
                                  uint64_t *ids,
                                  size_t capacity,
                                  size_t *count);
+
+// Creates reflections of one view in the mirrors of cells, at most `max_count` in a frame and at most
+// `max_depth` mirrors along a line of sight: 8 and 2 are usual, with 1 mirrors in mirrors are left out. The
+// cells live as long as these reflections, even if destroyed.
+enum vis_status vis_reflections_create(const struct vis_cells *cells,
+                                       size_t max_count,
+                                       uint32_t max_depth,
+                                       struct vis_reflections **reflections);
+
+// Destroys reflections; a pipeline that uses them keeps them alive. Does nothing for a null pointer.
+void vis_reflections_destroy(struct vis_reflections *reflections);
+
+// Appends portal culling as `vis_pipeline_add_portals` does, which also finds the reflections. They are those
+// of the pipeline's last frame, so each pipeline needs reflections of its own. Conservative.
+enum vis_status vis_pipeline_add_reflections(struct vis_pipeline *pipeline,
+                                             const struct vis_reflections *reflections);
+
+// Writes the reflections of the last frame, like `vis_visible_ids`. They are numbered from 0 in this order;
+// each comes after the one that it is seen in. None before the first frame.
+enum vis_status vis_reflections_list(const struct vis_reflections *reflections,
+                                     struct vis_reflection *list,
+                                     size_t capacity,
+                                     size_t *count);
+
+// Writes how many mirrors were seen in the last frame and have no reflection, since there were more than
+// `vis_reflections_create` allows, or since the reflected matrix was no view.
+enum vis_status vis_reflections_left_out(const struct vis_reflections *reflections, uint32_t *count);
+
+// Reads one of the reflections of `vis_reflections_list`. Sets `view` to the view to draw it with, to the
+// pixels that the mirror covers: `vis_view_matrix` and `vis_view_clip_planes` have its matrix and its clip
+// plane, which cuts away what is behind the mirror. The view mirrors space, so triangles change their
+// winding. Sets `visible` to the objects to draw in it, as `vis_pipeline_cull` would, without changes since
+// earlier frames. Conservative. Returns `VIS_ERROR_UNKNOWN_ID` for a number beyond the last.
+enum vis_status vis_reflections_read(const struct vis_reflections *reflections,
+                                     uint32_t number,
+                                     struct vis_view *view,
+                                     struct vis_visible *visible);
 
 // Writes which objects can be seen from a box of the world. The box is swept over the occluder meshes of all
 // objects that have the flag `VIS_OBJECT_OCCLUDER`. Bit `index % 32` of word `index / 32` is clear if the

@@ -194,6 +194,16 @@ export interface Lod {
   opacity: number;
 }
 
+/** A mirror that is seen in a frame. */
+export interface Reflection {
+  /** Number of the mirror, as `Cells.addMirror` returned it. */
+  mirror: number;
+  /** Number of the reflection in which the mirror is seen; null if the eye sees it itself. */
+  parent: number | null;
+  /** Number of mirrors along the lines of sight: 1 if the eye sees the mirror itself. */
+  depth: number;
+}
+
 /** Levels of detail of many objects: of each property a list, in the same order. */
 export interface SelectedLods {
   ids: BigUint64Array;
@@ -259,6 +269,11 @@ export interface Visibility {
    * layers as they are now: for views that show them all. Takes from milliseconds to minutes.
    */
   createCellsOfScene(scene: Scene, options?: { maxCells?: number }): Cells & { readonly count: number };
+  /**
+   * Creates reflections of one view in the mirrors of cells: at most `maxCount` in a frame, 8 by default, and at most
+   * `maxDepth` mirrors along a line of sight, 2 by default.
+   */
+  createReflections(cells: Cells, options?: { maxCount?: number; maxDepth?: number }): Reflections;
   /**
    * Creates sets of what can be seen around one eye on the move. `viewcell` and `wide` are the sizes along x, y and
    * z, in metres, of the viewcells and of the wide boxes that these lie in, which are at least as large: 0.6 m and
@@ -470,6 +485,13 @@ export interface View extends Handle {
   setOrthographic(camera: Pose & { width: number; height: number; near: number; far: number }): void;
   setLayers(layers: number): void;
   /**
+   * The matrix from the world, relative to a point of it or to its origin, to clip space, column-major, in the depth
+   * convention of the view. For views that the library makes: those of mirrors.
+   */
+  matrix(origin?: Triple): Float64Array;
+  /** The clip planes, relative to a point of the world or to its origin: see `setClipPlanes`. */
+  clipPlanes(origin?: Triple): Float64Array[];
+  /**
    * Whether an answer made for the view `of`, with a reach of so many metres and radians, is good for this view:
    * see `Pipeline.setReach`. False for parallel views and views with clip planes.
    */
@@ -499,6 +521,11 @@ export interface Pipeline extends Handle {
   addZBuffer(width?: number, height?: number): this;
   /** Removes what is not seen through the open portals of a building. Conservative. */
   addPortals(cells: Cells): this;
+  /**
+   * As `addPortals`, by the cells of the reflections, and finds what is seen in mirrors. The reflections are those of the
+   * last frame of the pipeline, so each pipeline needs reflections of its own.
+   */
+  addReflections(reflections: Reflections): this;
   /** Removes what a baked set excludes. Conservative if the set is. */
   addPvs(pvs: ScenePvs): this;
   /**
@@ -644,8 +671,29 @@ export interface Cells extends Handle {
   setOpen(portal: number, open: boolean): void;
   /** Sets in which directions an open portal can be seen through. */
   setPassage(portal: number, directions: { forward: boolean; backward: boolean }): void;
+  /**
+   * Adds a mirror on the boundary of a cell, and returns its number. Its vertices make a convex polygon in a plane,
+   * counter-clockwise as seen from within the cell. If the glass itself is drawn, it is an object of the scene.
+   */
+  addMirror(cell: number, vertices: readonly Triple[]): number;
+  /** Sets whether a mirror reflects, as new mirrors do, or is covered and shows nothing. */
+  setMirror(mirror: number, uncovered: boolean): void;
   /** Whether one cell may see another through the portals that are open now. */
   canSee(from: number, to: number): boolean;
+}
+
+/** Portal culling of one view with reflections in mirrors. */
+export interface Reflections extends Handle {
+  /** The reflections of the last frame, numbered from 0. Each comes after the one that it is seen in. */
+  readonly list: Reflection[];
+  /** How many mirrors were seen in the last frame and have no reflection, since there were too many. */
+  readonly leftOut: number;
+  /**
+   * Reads a reflection. Sets `view` to the view to draw it with, to the pixels that the mirror covers: `view.matrix()` and
+   * `view.clipPlanes()` have its matrix and its clip plane, which cuts away what is behind the mirror. Triangles change
+   * their winding. Sets `visible` to the objects to draw in it, without changes since earlier frames.
+   */
+  read(number: number, view: View, visible: Visible): void;
 }
 
 /**

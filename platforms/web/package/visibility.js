@@ -46,10 +46,11 @@ const RAY_HIT_BYTES = 16;
 const LOD_BYTES = 24;
 const GROUP_BYTES = 12;
 const COMMAND_BYTES = 20;
+const REFLECTION_BYTES = 12;
 /** Numbers of `vis_light_kind`. */
 const [DIRECTIONAL, POINT, SPOT] = [0, 1, 2];
-/** `VIS_NO_WALL` of the header. */
-const NO_WALL = 0xffffffff;
+/** `VIS_NO_WALL` and `VIS_NO_REFLECTION` of the header. */
+const [NO_WALL, NO_REFLECTION] = [0xffffffff, 0xffffffff];
 /** Bytes that a list is offered at least. */
 const LEAST_ROOM = 1 << 12;
 /** Bytes of memory for arguments that are kept from call to call at most. */
@@ -562,6 +563,12 @@ class Visibility {
     });
   }
 
+  createReflections(cells, { maxCount = 8, maxDepth = 2 } = {}) {
+    const wasm = this.#wasm;
+    const of = [wasm.pointer(cells, "cells"), whole(maxCount, "maxCount"), whole(maxDepth, "maxDepth")];
+    return Handle.made(Reflections, wasm, "reflections", "vis_reflections_create", ...of);
+  }
+
   createOnline({ viewcell, wide, margin = 0 } = {}) {
     const wasm = this.#wasm;
     return wasm.call(() => {
@@ -925,6 +932,22 @@ class View extends Handle {
     this.wasm.call((wasm) => wasm.check("vis_view_set_layers", this.pointer, whole(layers, "layers")));
   }
 
+  matrix(origin) {
+    return this.wasm.call((wasm) => {
+      const [from, place] = [wasm.optionalPoint(origin, "origin"), wasm.borrow(128)];
+      wasm.check("vis_view_matrix", this.pointer, from, place);
+      return new Float64Array(wasm.exports.memory.buffer, place, 16).slice();
+    });
+  }
+
+  clipPlanes(origin) {
+    return this.wasm.call((wasm) => {
+      const from = wasm.optionalPoint(origin, "origin");
+      const numbers = wasm.list(Float64Array, "vis_view_clip_planes", this.pointer, from);
+      return Array.from({ length: numbers.length / 4 }, (_, i) => numbers.slice(4 * i, 4 * i + 4));
+    });
+  }
+
   isWithinReach(of, metres, radians) {
     const parameters = [this.wasm.pointer(of, "view"), metres, radians];
     return this.wasm.truth("vis_view_is_within_reach", this.pointer, ...parameters);
@@ -939,6 +962,9 @@ class View extends Handle {
 }
 
 class Pipeline extends Handle {
+  /** Reflections of its stages, whose sets are read by the scene of the last frame. */
+  #reflections = [];
+
   /** Appends a stage, and returns the pipeline for the next. */
   #add(stage, ...parameters) {
     this.wasm.call((wasm) => wasm.check(`vis_pipeline_add_${stage}`, this.pointer, ...parameters));
@@ -959,6 +985,12 @@ class Pipeline extends Handle {
 
   addPortals(cells) {
     return this.#add("portals", this.wasm.pointer(cells, "cells"));
+  }
+
+  addReflections(reflections) {
+    this.#add("reflections", this.wasm.pointer(reflections, "reflections"));
+    this.#reflections.push(reflections);
+    return this;
   }
 
   addPvs(scenePvs) {
@@ -1005,6 +1037,7 @@ class Pipeline extends Handle {
       const place = wasm.borrow(STATS_BYTES);
       wasm.check("vis_pipeline_cull", this.pointer, ...wasm.frame(scene, view, visible), place);
       visible.scene = scene;
+      for (const reflections of this.#reflections) reflections.scene = scene;
       return stats(wasm, place);
     });
   }
@@ -1254,8 +1287,45 @@ class Cells extends Handle {
     this.wasm.call((wasm) => wasm.check("vis_cells_set_passage", this.pointer, ...parameters));
   }
 
+  addMirror(cell, vertices) {
+    return this.wasm.call((wasm) => {
+      const points = wasm.put(Float64Array, flatten(vertices, 3, "a vertex"));
+      return wasm.number("vis_cells_add_mirror", this.pointer, whole(cell, "cell"), points, vertices.length);
+    });
+  }
+
+  setMirror(mirror, uncovered) {
+    const parameters = [whole(mirror, "mirror"), bit(uncovered, "uncovered")];
+    this.wasm.call((wasm) => wasm.check("vis_cells_set_mirror", this.pointer, ...parameters));
+  }
+
   canSee(from, to) {
     return this.wasm.truth("vis_cells_can_see", this.pointer, whole(from, "from"), whole(to, "to"));
+  }
+}
+
+class Reflections extends Handle {
+  get list() {
+    return this.wasm.call((wasm) => {
+      const [at, length] = wasm.listed(REFLECTION_BYTES, "vis_reflections_list", this.pointer);
+      const words = new Uint32Array(wasm.exports.memory.buffer, at, 3 * length);
+      return Array.from({ length }, (_, i) => {
+        const [mirror, parent, depth] = words.subarray(3 * i, 3 * i + 3);
+        return { mirror, parent: parent === NO_REFLECTION ? null : parent, depth };
+      });
+    });
+  }
+
+  get leftOut() {
+    return this.wasm.number("vis_reflections_left_out", this.pointer);
+  }
+
+  read(number, view, visible) {
+    this.wasm.call((wasm) => {
+      const to = [wasm.pointer(view, "view"), wasm.pointer(visible, "visible")];
+      wasm.check("vis_reflections_read", this.pointer, whole(number, "number"), ...to);
+      visible.scene = this.scene;
+    });
   }
 }
 

@@ -39,6 +39,7 @@ const _: () = {
         size_of::<vis_wall>() == 40 && size_of::<vis_reach>() == 56 && size_of::<vis_wall_hit>() == 24,
         "sizes in bytes of the header's structures"
     );
+    assert!(size_of::<vis_reflection>() == 12, "sizes in bytes of the header's structures");
     assert!(
         size_of::<vis_light>() == 72 && size_of::<vis_ray_hit>() == 16,
         "sizes in bytes of the header's structures"

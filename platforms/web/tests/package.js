@@ -549,7 +549,7 @@ for (const simd128 of [false, true]) {
     };
     const content = () => [[...list.groups], [...list.instances]];
     assert.deepEqual(content(), [[], []]);
-    // Two meshes of two levels each: keys 0 and 1, and 4 and 5. At 100 pixels the level changes: 17 m away.
+    // Two meshes of two levels each: keys 0 and 1, and 4 and 5. At 100 pixels the level changes: 16 m away, with the hysteresis 14.
     scene.setDrawKeys(ids, [4, 0, 4, 0, 0]);
     scene.setLodSizes(ids, [100]);
     frame(0);
@@ -565,7 +565,7 @@ for (const simd128 of [false, true]) {
     assert.deepEqual([...list.commands(new Uint32Array(meshes))], expected);
     list.groupFading(scene, lods);
     assert.deepEqual(content(), [[], []]);
-    frame(25);
+    frame(30);
     list.groupFading(scene, lods);
     assert.deepEqual(content(), [[1, 0, 1, 5, 1, 1], [1, 2]], "the level before");
     list.groupLevels(scene, lods);
@@ -605,6 +605,84 @@ for (const simd128 of [false, true]) {
     list.groupLevels(scene, lods);
     assert.deepEqual([[...list.groups], [...list.instances]], [[4, 0, 1], [0]]);
     assert.throws(() => frames.createGraph(1, []), refused("STATE", /whole module/));
+  });
+
+  test(say("mirrors show what is before them, and mirrors in them"), () => {
+    const rooms = [0, 4].map((x) => ({ min: [x, 0, 0], max: [x + 4, 4, 3] }));
+    const rectangle = (x) => [
+      [x, 1, 0.5],
+      [x, 3, 0.5],
+      [x, 3, 2.5],
+      [x, 1, 2.5],
+    ];
+    const graph = visibility.createGraph(2, [{ vertices: rectangle(4), cells: [0, 1] }]);
+    const cells = visibility.createCells(graph, rooms);
+    // At both ends of the row, facing each other.
+    const glass = [rectangle(8).reverse(), rectangle(0)];
+    assert.deepEqual([cells.addMirror(1, glass[0]), cells.addMirror(0, glass[1])], [0, 1]);
+    const scene = visibility.createScene();
+    const cube = (x, y) => [x, y, 1, x + 0.5, y + 0.5, 1.5];
+    // In view; behind the eye in its room; and in the corner beside the door, which no mirror shows.
+    const ids = scene.insertAll({ bounds: [cube(6, 2), cube(0.2, 2), cube(4.2, 0.1)].flat() });
+    const [view, visible] = [visibility.createView(), visibility.createVisible()];
+    const [mirrored, shown] = [visibility.createView(), visibility.createVisible()];
+    const reflections = visibility.createReflections(cells);
+    const pipeline = visibility.createPipeline().addFrustum().addReflections(reflections);
+    const frame = () => {
+      view.setPerspective({ ...CAMERA, eye: [1.5, 2, 1.5], target: [9, 2, 1.5] });
+      pipeline.cull(scene, view, visible);
+      return reflections.list;
+    };
+    assert.deepEqual(reflections.list, []);
+    assert.deepEqual(frame(), [
+      { mirror: 0, parent: null, depth: 1 },
+      { mirror: 1, parent: 0, depth: 2 },
+    ]);
+    assert.equal(reflections.leftOut, 1);
+    assert.deepEqual([...visible.ids], [ids[0]]);
+    reflections.read(0, mirrored, shown);
+    shown.sortByIndex(scene);
+    assert.ok(shown.contains(scene, ids[1]) && shown.contains(scene, ids[0]), `${shown.indices}`);
+    // The reflected matrix sees a point where the matrix of the eye sees the point's reflection in x = 8.
+    const clip = (m, [x, y, z]) => [0, 1, 2, 3].map((i) => m[i] * x + m[4 + i] * y + m[8 + i] * z + m[12 + i]);
+    const [from, to] = [
+      [0.4, 2.2, 1.2],
+      [15.6, 2.2, 1.2],
+    ];
+    const near = (a, b) => a.every((x, i) => Math.abs(x - b[i]) < 1e-9);
+    assert.ok(near(clip(mirrored.matrix(), from), clip(view.matrix(), to)));
+    const far = [100, 200, 300];
+    assert.ok(near(clip(mirrored.matrix(far), from.map((x, i) => x - far[i])), clip(view.matrix(), to)));
+    const [[a, b, c, d], ...others] = mirrored.clipPlanes();
+    assert.ok(near([a, b, c], [-1, 0, 0]) && Math.abs(d - 8) < 1e-5 && others.length === 0, `${[a, b, c, d]}`);
+    assert.ok(Math.abs(mirrored.clipPlanes(far)[0][3] - (8 - 100)) < 1e-5);
+    assert.deepEqual(view.clipPlanes(), []);
+    // What is seen in the mirror is a frame's result: levels, draw lists, and again a view.
+    const lods = visibility.createLods(100);
+    lods.select(scene, mirrored, shown, 0);
+    assert.deepEqual([...lods.selected.ids], [...shown.ids]);
+    scene.insert({ bounds: WALL });
+    assert.equal(shown.count, lods.selected.ids.length);
+
+    cells.setMirror(1, false);
+    assert.deepEqual(frame(), [{ mirror: 0, parent: null, depth: 1 }]);
+    cells.setOpen(0, false);
+    assert.deepEqual(frame(), []);
+    assert.throws(() => reflections.read(0, mirrored, shown), refused("UNKNOWN_ID", /no reflection 0/));
+    assert.throws(() => reflections.read(0, shown, mirrored), refused("ARGUMENT", /a view of this library/));
+    assert.throws(() => cells.addMirror(2, glass[0]), refused("UNKNOWN_ID", /no cell 2/));
+    assert.throws(() => cells.addMirror(0, glass[0].slice(2)), refused("ARGUMENT", /./));
+    assert.throws(() => cells.addMirror(0, [[1, 2]]), refused("ARGUMENT", /a vertex has 3 numbers/));
+    assert.throws(() => cells.setMirror(2, true), refused("UNKNOWN_ID", /no mirror 2/));
+    assert.throws(() => cells.setMirror(0, 1), refused("ARGUMENT", /is not true or false/));
+    assert.throws(() => visibility.createReflections(graph), refused("ARGUMENT", /a cells of this library/));
+    assert.throws(() => pipeline.addReflections(cells), refused("ARGUMENT", /a reflections of this library/));
+    assert.throws(() => view.matrix([NaN, 0, 0]), refused("ARGUMENT", /`origin` is not finite/));
+    const limited = visibility.createReflections(cells, { maxCount: 1, maxDepth: 1 });
+    cells.setOpen(0, true);
+    view.setPerspective({ ...CAMERA, eye: [1.5, 2, 1.5], target: [9, 2, 1.5] });
+    visibility.createPipeline().addReflections(limited).cull(scene, view, visible);
+    assert.deepEqual([limited.list.length, limited.leftOut], [1, 0]);
   });
 
   test(say("a list is asked for once, unless it is longer than before"), async () => {

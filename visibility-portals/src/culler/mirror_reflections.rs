@@ -52,8 +52,9 @@ impl Reflection {
         &self.view
     }
 
-    /// Returns the objects to draw in the reflected view. Conservative: contains every object visible in the
-    /// mirror, and undecided objects.
+    /// Returns the objects to draw in the reflected view, as a [finished](VisibleSet::finish) set, which
+    /// survives changes of the scene. Conservative: contains every object visible in the mirror, and
+    /// undecided objects.
     pub fn visible(&self) -> &VisibleSet {
         &self.visible
     }
@@ -186,6 +187,7 @@ impl Reflections {
             self.collect_mirrors(Some(place), &walk);
             self.walk = walk;
         }
+        self.all[..self.count].iter_mut().for_each(|one| one.visible.finish(scene));
     }
 
     /// Appends the mirrors that `walk` has met to `seen`, sorted by mirror. `parent` is the index of the

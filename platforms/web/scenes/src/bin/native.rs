@@ -8,6 +8,8 @@ use glam::DVec3;
 use std::sync::Arc;
 use std::time::Instant;
 use visibility_core::bake::Bake;
+use visibility_core::cells::CellId;
+use visibility_core::geometry::ConvexPolygon;
 use visibility_core::occlusion::Preparation;
 use visibility_core::pvs::{PvsCuller, ScenePvs, Viewcell};
 use visibility_core::scene::DrawRange;
@@ -18,7 +20,7 @@ use visibility_frame::draw_list::DrawList;
 use visibility_frame::lod::{ContributionCuller, Lod, LodSelector};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_measure::{Comparison, ItemBuffer};
-use visibility_portals::{BakerSettings, CellBaker, PortalCuller, SceneCells};
+use visibility_portals::{BakerSettings, CellBaker, PortalCuller, PortalEye, Reflection, SceneCells};
 use visibility_region::OnlinePvs;
 use visibility_web_scenes::{SceneSource, built_in, tolerance};
 
@@ -30,6 +32,8 @@ const JUDGED_EVERY: usize = 20;
 const ONLINE_EVERY: usize = 8;
 /// Interval of the frames of online sets before which an object stops hiding others.
 const OPENED_EVERY: usize = 6;
+/// Interval of the cells that have a mirror on their side of least x.
+const MIRRORED_EVERY: usize = 3;
 /// Sizes in pixels that divide the levels of objects, by index modulo 3. The last have one level.
 const LOD_SIZES: [&[f32]; 3] = [&[400.0, 90.0, 30.0], &[150.0], &[]];
 /// Height in pixels of the pictures that levels of detail are for, and least size of what is drawn.
@@ -155,7 +159,44 @@ fn answers(name: &str) -> Result<(), Box<dyn std::error::Error>> {
         let line = line(&source, &scene, view, (frame, &mut judge), &mut visible)?;
         println!("{name} online {frame} {answer} {came:08x} {line}");
     }
+    mirrored(name, &source, &scene, &views)?;
     drawn(name, &mut scene, &views)
+}
+
+/// Prints a line for each frame of reflections, in a scene with cells: how many there are and how many are
+/// left out, hashes of their mirrors, parents and depths, of their matrices, and of the objects in them, in
+/// their order.
+fn mirrored(
+    name: &str,
+    source: &SceneSource,
+    scene: &Scene,
+    views: &[View],
+) -> Result<(), Box<dyn std::error::Error>> {
+    let Some(cells) = &source.cells else { return Ok(()) };
+    let cells = cells.with_doorways.as_deref().unwrap_or(cells);
+    let boxes = cells.viewcells.cells();
+    let mut own = SceneCells::new(cells.graph.clone(), cells.viewcells.clone(), tolerance(&cells.viewcells))?;
+    for (cell, &Viewcell { min, max, .. }) in (0..).zip(boxes).step_by(MIRRORED_EVERY) {
+        let corners = [[min.y, min.z], [max.y, min.z], [max.y, max.z], [min.y, max.z]];
+        let glass = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(min.x, y, z)))?;
+        own.add_mirror(CellId(cell), &glass)?;
+    }
+    own.sync(scene);
+    let (mut eye, mut visible) = (PortalEye::new(), VisibleSet::new());
+    for (frame, view) in views.iter().enumerate() {
+        visible.fill(scene, view);
+        FrustumCuller::new().cull(scene, view, &mut visible);
+        eye.cull(&own, scene, view, &mut visible);
+        let all = eye.reflections();
+        let parent = |parent: Option<usize>| parent.map_or(u32::MAX, |parent| parent as u32);
+        let list = hash(all.iter().flat_map(|one| [one.mirror().0, parent(one.parent()), one.depth()]));
+        let numbers = |one: &Reflection| one.view().clip_from(DVec3::ZERO).to_cols_array().map(|x| x as f32);
+        let matrices = hash(all.iter().flat_map(numbers).map(f32::to_bits));
+        let objects = hash(all.iter().flat_map(|one| one.visible().iter(scene)).map(|id| id.index() as u32));
+        let (count, left_out) = (all.len(), eye.stats().reflections_left_out);
+        println!("{name} mirrors {frame} {count} {left_out} {list:08x} {matrices:08x} {objects:08x}");
+    }
+    Ok(())
 }
 
 /// Prints a line for each frame of levels of detail and draw lists: how many objects have a level, hashes of
