@@ -20,8 +20,9 @@ export type MeshId = bigint;
 /** Loads the library: without options, the whole module with SIMD instructions where the browser has them. */
 export function load(options?: {
   /**
-   * Whether to take the small module, of half the size: scenes and their occluders, views, visible sets, and
-   * pipelines of frustum, size and z-buffer with a reach. What else is called throws an error of code `STATE`.
+   * Whether to take the small module, of a third of the size: scenes and their occluders, views, visible sets,
+   * pipelines of frustum, size and z-buffer with a reach, levels of detail and draw lists. What else is called throws
+   * an error of code `STATE`.
    */
   frames?: boolean;
   /** Whether to take the module with 128-bit SIMD instructions. Both give the same answers. */

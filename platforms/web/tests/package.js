@@ -678,11 +678,16 @@ for (const simd128 of [false, true]) {
     assert.throws(() => visibility.createReflections(graph), refused("ARGUMENT", /a cells of this library/));
     assert.throws(() => pipeline.addReflections(cells), refused("ARGUMENT", /a reflections of this library/));
     assert.throws(() => view.matrix([NaN, 0, 0]), refused("ARGUMENT", /`origin` is not finite/));
-    const limited = visibility.createReflections(cells, { maxCount: 1, maxDepth: 1 });
+    // Both mirrors again: the limits leave out the mirror in the mirror, or all.
     cells.setOpen(0, true);
-    view.setPerspective({ ...CAMERA, eye: [1.5, 2, 1.5], target: [9, 2, 1.5] });
-    visibility.createPipeline().addReflections(limited).cull(scene, view, visible);
-    assert.deepEqual([limited.list.length, limited.leftOut], [1, 0]);
+    cells.setMirror(1, true);
+    const limited = (options) => {
+      const few = visibility.createReflections(cells, options);
+      visibility.createPipeline().addReflections(few).cull(scene, view, visible);
+      return [few.list.length, few.leftOut];
+    };
+    const counts = [{}, { maxDepth: 1 }, { maxCount: 1 }, { maxCount: 0 }, { maxDepth: 3 }].map(limited);
+    assert.deepEqual(counts, [[2, 1], [1, 1], [1, 1], [0, 1], [3, 1]]);
   });
 
   test(say("a list is asked for once, unless it is longer than before"), async () => {
@@ -897,6 +902,35 @@ test("the README's program runs", async () => {
   const both = `${plans}; return { plan, level };`;
   const made = await new AsyncFunction(...Object.keys(given), both)(...Object.values(given));
   assert.deepEqual([made.plan.sees([0, 0], [9, 5]), made.level.bytes.length > 50], [true, true]);
+
+  // Levels of detail, draw lists and mirrors, in a room whose mirror shows the lamp behind the eye.
+  const bounds = { min: [-2, -1, -1], max: [-1, 1, 1] };
+  const hall = visibility.createScene();
+  const lamp = hall.insert({ bounds });
+  const wall = hall.insert({ bounds: WALL });
+  const [view, visible] = [visibility.createView(), visibility.createVisible()];
+  const [mirrored, shown] = [visibility.createView(), visibility.createVisible()];
+  view.setPerspective(CAMERA);
+  const cells = visibility.createCells(visibility.createGraph(1, []), [{ min: [-9, -9, -9], max: [9, 9, 9] }]);
+  const pipeline = visibility.createPipeline().addFrustum();
+  const corners = [
+    [9, 5, -5],
+    [9, -5, -5],
+    [9, -5, 5],
+    [9, 5, 5],
+  ];
+  const drawn = [];
+  const drawMirror = (matrix, planes, indices) => drawn.push([matrix.length, planes.length, ...indices]);
+  const meshes = Array(6).fill([3, 0, 0, 0, 0]).flat();
+  const room = { visibility, scene: hall, lamp, wall, view, visible, mirrored, shown, cells, pipeline, corners };
+  const [, mirrors] = readme.match(/^```js\n(cells.addMirror[\s\S]*?)^```$/m);
+  const [, levels] = readme.match(/^```js\n(\/\/ Once: the sizes[\s\S]*?)^```$/m);
+  const [hang, draw] = mirrors.split("// Each frame, after `cull`:\n");
+  const all = { ...room, drawMirror, meshes };
+  const text = `${hang}; pipeline.cull(scene, view, visible); ${draw}; ${levels}; return { list, indirect };`;
+  const { list, indirect } = await new AsyncFunction(...Object.keys(all), text)(...Object.values(all));
+  assert.deepEqual(drawn, [[16, 1, indexOf(lamp), indexOf(wall)]]);
+  assert.deepEqual([[...list.instances], indirect.length], [[indexOf(wall)], 5]);
 });
 
 test("the declaration names what there is", async () => {
