@@ -17,8 +17,8 @@
 //
 // Threads. Any thread may use any handle. Functions that take a handle as `const` may run on any number of
 // threads at once; a function that takes a handle without `const` needs it alone. Calls that break this rule
-// are refused with `VIS_ERROR_BUSY`, except those on `vis_cells` and `vis_online`, which wait. Destroying is
-// never checked.
+// are refused with `VIS_ERROR_BUSY`, except those on `vis_cells`, `vis_online` and `vis_reflections`, which wait.
+// Destroying is never checked.
 //
 // Matrices have 16 numbers, column-major, and multiply column vectors: element [4 * column + row], as in
 // OpenGL, glm, cglm. Clip space is that of all graphics interfaces, -w <= x, y <= w; depth see `vis_depth`.
