@@ -421,6 +421,14 @@ extern "C" {
 // library at run time.
 uint32_t vis_abi_version(void);
 
+// Gives `count` objects their keys in draw lists: the number of the mesh, the material, the first level of
+// the mesh, or several of them in one number; at most 4294967040. New objects have key 0. If an id is
+// unknown, nothing changes.
+enum vis_status vis_scene_set_draw_keys(struct vis_scene *scene,
+                                        const uint64_t *ids,
+                                        const uint32_t *keys,
+                                        size_t count);
+
 // Creates an empty draw list.
 enum vis_status vis_draw_list_create(struct vis_draw_list **list);
 
@@ -495,6 +503,16 @@ enum vis_status vis_lods_set_picture_height(struct vis_lods *lods, double pictur
 // shows. Sizes are always those in the view.
 enum vis_status vis_lods_set_distance_eye(struct vis_lods *lods, const double *eye);
 
+// Gives `count` objects the same levels of detail, those of their mesh, for `vis_lods_select`: `sizes` are
+// the sizes in pixels that divide the levels, at most 255, positive and finite. With 200 and 50, level 0 is
+// for 200 pixels and more, level 1 for 50 and more, level 2 for all below. Without sizes, as for new
+// objects, the level is 0. If an id is unknown, nothing changes.
+enum vis_status vis_scene_set_lod_sizes(struct vis_scene *scene,
+                                        const uint64_t *ids,
+                                        size_t count,
+                                        const float *sizes,
+                                        size_t size_count);
+
 // Chooses the level of each object of `visible`, the set of this view's frame, by its size in pixels and the
 // sizes of `vis_scene_set_lod_sizes`. The size of an object is the diameter in pixels of the sphere around
 // its bounds, as if the whole sphere were at the nearest point of the bounds in the middle of the picture,
@@ -556,24 +574,6 @@ enum vis_status vis_scene_maintain(struct vis_scene *scene, size_t budget, size_
 // Builds the best hierarchy for the present objects. Call this once after loading, not in each frame. Ids
 // stay valid.
 enum vis_status vis_scene_rebuild(struct vis_scene *scene);
-
-// Gives `count` objects the same levels of detail, those of their mesh, for `vis_lods_select`: `sizes` are
-// the sizes in pixels that divide the levels, at most 255, positive and finite. With 200 and 50, level 0 is
-// for 200 pixels and more, level 1 for 50 and more, level 2 for all below. Without sizes, as for new
-// objects, the level is 0. If an id is unknown, nothing changes.
-enum vis_status vis_scene_set_lod_sizes(struct vis_scene *scene,
-                                        const uint64_t *ids,
-                                        size_t count,
-                                        const float *sizes,
-                                        size_t size_count);
-
-// Gives `count` objects their keys in draw lists: the number of the mesh, the material, the first level of
-// the mesh, or several of them in one number; at most 4294967040. New objects have key 0. If an id is
-// unknown, nothing changes.
-enum vis_status vis_scene_set_draw_keys(struct vis_scene *scene,
-                                        const uint64_t *ids,
-                                        const uint32_t *keys,
-                                        size_t count);
 
 // Stores an occluder mesh in a scene, for any number of objects, and writes its id. `positions` has 3
 // numbers per vertex, `indices` 3 per triangle, counter-clockwise from the front. Only front faces occlude,
@@ -835,9 +835,9 @@ enum vis_status vis_view_set_clip_planes(struct vis_view *view, const double *pl
 // views that the library makes: those of mirrors.
 enum vis_status vis_view_matrix(const struct vis_view *view, const double *origin, double *matrix);
 
-// Writes the clip planes of a view, relative to the point `origin` (3 finite coordinates; null for the origin
-// of the world): 4 numbers a, b, c, d each, whose side with a x + b y + c z + d >= 0 is seen. `capacity` and
-// `count` are in numbers. A null or too short `planes` is handled as in `vis_visible_ids`.
+// Writes the clip planes of a view, relative to the point `origin` (3 finite coordinates; null for the
+// origin of the world): 4 numbers a, b, c, d each, whose side with a x + b y + c z + d >= 0 is seen.
+// `capacity` and `count` are in numbers. A null or too short `planes` is handled as in `vis_visible_ids`.
 enum vis_status vis_view_clip_planes(const struct vis_view *view,
                                      const double *origin,
                                      double *planes,
@@ -989,10 +989,10 @@ enum vis_status vis_cells_set_open(struct vis_cells *cells, uint32_t portal, boo
 // (`forward`), from the second into the first (`backward`), or both. To allow neither, close the portal.
 enum vis_status vis_cells_set_passage(struct vis_cells *cells, uint32_t portal, bool forward, bool backward);
 
-// Adds a mirror on the boundary of a cell and writes its number, counted from 0. Its `vertex_count` vertices,
-// 3 coordinates each, make a convex polygon in a plane, counter-clockwise as seen from within the cell. Views
-// with `vis_reflections` then find what is seen in the mirror. If the glass itself is drawn, it is an object
-// of the scene.
+// Adds a mirror on the boundary of a cell and writes its number, counted from 0. Its `vertex_count`
+// vertices, 3 coordinates each, make a convex polygon in a plane, counter-clockwise as seen from within the
+// cell. Views with `vis_reflections` then find what is seen in the mirror. If the glass itself is drawn, it
+// is an object of the scene.
 enum vis_status vis_cells_add_mirror(struct vis_cells *cells,
                                      uint32_t cell,
                                      const double *vertices,
@@ -1270,8 +1270,8 @@ enum vis_status vis_reflections_create(const struct vis_cells *cells,
 // Destroys reflections; a pipeline that uses them keeps them alive. Does nothing for a null pointer.
 void vis_reflections_destroy(struct vis_reflections *reflections);
 
-// Appends portal culling as `vis_pipeline_add_portals` does, which also finds the reflections. They are those
-// of the pipeline's last frame, so each pipeline needs reflections of its own. Conservative.
+// Appends portal culling as `vis_pipeline_add_portals` does, which also finds the reflections. They are
+// those of the pipeline's last frame, so each pipeline needs reflections of its own. Conservative.
 enum vis_status vis_pipeline_add_reflections(struct vis_pipeline *pipeline,
                                              const struct vis_reflections *reflections);
 

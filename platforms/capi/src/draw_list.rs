@@ -3,8 +3,9 @@
 use crate::error::{Error, border, vis_status};
 use crate::handle::Guarded;
 use crate::lods::vis_lods;
+use crate::object_data::GREATEST_KEY;
 use crate::pointer::{array, buffer, create, destroy, out, reference};
-use crate::scene::vis_scene;
+use crate::scene::{State, vis_scene};
 use crate::visible::vis_visible;
 use visibility_core::ObjectId;
 use visibility_frame::draw_list::{DrawGroup, DrawIndexedIndirect, DrawList};
@@ -63,6 +64,29 @@ impl From<DrawIndexedIndirect> for vis_draw_command {
             command;
         Self { index_count, instance_count, first_index, base_vertex, first_instance }
     }
+}
+
+/// Gives `count` objects their keys in draw lists: the number of the mesh, the material, the first level of
+/// the mesh, or several of them in one number; at most 4294967040. New objects have key 0. If an id is
+/// unknown, nothing changes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_set_draw_keys(
+    scene: *mut vis_scene,
+    ids: *const u64,
+    keys: *const u32,
+    count: usize,
+) -> vis_status {
+    border(|| {
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+        let (scene, ids) = unsafe { (reference(scene, "scene")?, array(ids, count, "ids")?) };
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+        let keys = unsafe { array(keys, count, "keys") }?;
+        if let Some(key) = keys.iter().find(|&&key| key > GREATEST_KEY) {
+            return Err(Error::argument(format_args!("the key {key} is more than {GREATEST_KEY}")));
+        }
+        let State { scene, data, .. } = &mut *scene.write()?;
+        Ok(data.set_keys(scene, ids, keys)?)
+    })
 }
 
 /// Creates an empty draw list.

@@ -35,7 +35,6 @@ pub use draw_list::*;
 pub use error::*;
 pub use lods::*;
 pub use moves::*;
-pub use object_data::*;
 pub use occluders::*;
 pub use pipeline::*;
 pub use scene::*;

@@ -3,8 +3,9 @@
 use crate::error::{Error, border, vis_status};
 use crate::handle::Guarded;
 use crate::numbers::{finite, not_negative};
-use crate::pointer::{buffer, create, destroy, out, reference};
-use crate::scene::{VIS_NO_OBJECT, vis_scene};
+use crate::object_data::MOST_SIZES;
+use crate::pointer::{array, buffer, create, destroy, out, reference};
+use crate::scene::{State, VIS_NO_OBJECT, vis_scene};
 use crate::view::{optional_point, vis_view};
 use crate::visible::vis_visible;
 use std::sync::RwLockReadGuard;
@@ -103,6 +104,35 @@ pub unsafe extern "C" fn vis_lods_set_distance_eye(lods: *mut vis_lods, eye: *co
         let eye = eye.map(|eye| finite(eye, "`eye`")).transpose()?;
         lods.0.write()?.set_distance_eye(eye);
         Ok(())
+    })
+}
+
+/// Gives `count` objects the same levels of detail, those of their mesh, for `vis_lods_select`: `sizes` are
+/// the sizes in pixels that divide the levels, at most 255, positive and finite. With 200 and 50, level 0 is
+/// for 200 pixels and more, level 1 for 50 and more, level 2 for all below. Without sizes, as for new
+/// objects, the level is 0. If an id is unknown, nothing changes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_set_lod_sizes(
+    scene: *mut vis_scene,
+    ids: *const u64,
+    count: usize,
+    sizes: *const f32,
+    size_count: usize,
+) -> vis_status {
+    border(|| {
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+        let (scene, ids) = unsafe { (reference(scene, "scene")?, array(ids, count, "ids")?) };
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+        let sizes = unsafe { array(sizes, size_count, "sizes") }?;
+        if sizes.len() > MOST_SIZES {
+            return Err(Error::argument(format_args!("{size_count} sizes are more than {MOST_SIZES}")));
+        }
+        if let Some(wrong) = sizes.iter().position(|&size| !(size > 0.0 && size.is_finite())) {
+            let size = sizes[wrong];
+            return Err(Error::argument(format_args!("size {wrong} cannot be {size}")));
+        }
+        let State { scene, data, .. } = &mut *scene.write()?;
+        Ok(data.set_sizes(scene, ids, sizes)?)
     })
 }
 

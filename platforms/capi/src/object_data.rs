@@ -1,17 +1,15 @@
 //! What an engine tells of each object once, and levels of detail and draw lists ask for in every frame.
 
-use crate::error::{Error, border, vis_status};
-use crate::pointer::{array, reference};
-use crate::scene::{State, vis_scene};
 use std::collections::BTreeMap;
+use std::iter::repeat;
 use visibility_core::scene::SceneError;
 use visibility_core::{ObjectId, Scene};
 
 /// Greatest number of sizes that divide the levels of detail of an object: a level is a byte in the crates.
-const MOST_SIZES: usize = 255;
+pub(crate) const MOST_SIZES: usize = 255;
 
 /// Greatest key of an object in draw lists: the sum of a key and a level has 32 bits.
-const GREATEST_KEY: u32 = u32::MAX - MOST_SIZES as u32;
+pub(crate) const GREATEST_KEY: u32 = u32::MAX - MOST_SIZES as u32;
 
 /// Data of objects by index. Data of an object that was removed are those of no object.
 #[derive(Debug, Default)]
@@ -82,6 +80,17 @@ impl ObjectData {
         Ok(())
     }
 
+    /// Gives objects the same sizes. An error, and no change, if an object is not in the scene.
+    pub(crate) fn set_sizes(&mut self, scene: &Scene, ids: &[u64], sizes: &[f32]) -> Result<(), SceneError> {
+        let place = self.place_of(sizes);
+        self.change(scene, ids, repeat(place), |entry, place| entry.sizes = place)
+    }
+
+    /// Gives each object its key. An error, and no change, if an object is not in the scene.
+    pub(crate) fn set_keys(&mut self, scene: &Scene, ids: &[u64], keys: &[u32]) -> Result<(), SceneError> {
+        self.change(scene, ids, keys, |entry, &key| entry.key = key)
+    }
+
     /// Returns the place of a list of sizes in `lists`, where it is stored unless it is there already. `None`
     /// for an empty list.
     fn place_of(&mut self, sizes: &[f32]) -> Option<u32> {
@@ -96,57 +105,4 @@ impl ObjectData {
         });
         u32::try_from(place).ok()
     }
-}
-
-/// Gives `count` objects the same levels of detail, those of their mesh, for `vis_lods_select`: `sizes` are
-/// the sizes in pixels that divide the levels, at most 255, positive and finite. With 200 and 50, level 0 is
-/// for 200 pixels and more, level 1 for 50 and more, level 2 for all below. Without sizes, as for new
-/// objects, the level is 0. If an id is unknown, nothing changes.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vis_scene_set_lod_sizes(
-    scene: *mut vis_scene,
-    ids: *const u64,
-    count: usize,
-    sizes: *const f32,
-    size_count: usize,
-) -> vis_status {
-    border(|| {
-        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        let (scene, ids) = unsafe { (reference(scene, "scene")?, array(ids, count, "ids")?) };
-        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        let sizes = unsafe { array(sizes, size_count, "sizes") }?;
-        if sizes.len() > MOST_SIZES {
-            return Err(Error::argument(format_args!("{size_count} sizes are more than {MOST_SIZES}")));
-        }
-        if let Some(wrong) = sizes.iter().position(|&size| !(size > 0.0 && size.is_finite())) {
-            let size = sizes[wrong];
-            return Err(Error::argument(format_args!("size {wrong} cannot be {size}")));
-        }
-        let State { scene, data, .. } = &mut *scene.write()?;
-        let place = data.place_of(sizes);
-        Ok(data.change(scene, ids, std::iter::repeat(place), |entry, place| entry.sizes = place)?)
-    })
-}
-
-/// Gives `count` objects their keys in draw lists: the number of the mesh, the material, the first level of
-/// the mesh, or several of them in one number; at most 4294967040. New objects have key 0. If an id is
-/// unknown, nothing changes.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vis_scene_set_draw_keys(
-    scene: *mut vis_scene,
-    ids: *const u64,
-    keys: *const u32,
-    count: usize,
-) -> vis_status {
-    border(|| {
-        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        let (scene, ids) = unsafe { (reference(scene, "scene")?, array(ids, count, "ids")?) };
-        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        let keys = unsafe { array(keys, count, "keys") }?;
-        if let Some(key) = keys.iter().find(|&&key| key > GREATEST_KEY) {
-            return Err(Error::argument(format_args!("the key {key} is more than {GREATEST_KEY}")));
-        }
-        let State { scene, data, .. } = &mut *scene.write()?;
-        Ok(data.change(scene, ids, keys, |entry, &key| entry.key = key)?)
-    })
 }

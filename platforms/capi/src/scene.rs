@@ -12,7 +12,8 @@ use visibility_core::{Aabb, Object, ObjectId, Scene};
 /// Scene: objects, their hierarchy and their occluder meshes.
 pub struct vis_scene(Guarded<State>);
 
-/// Scene with what draw lists and levels of detail know of its objects, and scratch memory for batches. Once the scratch memory has grown, frames allocate nothing.
+/// Scene with what draw lists and levels of detail know of its objects, and scratch memory for batches. Once
+/// the scratch memory has grown, frames allocate nothing.
 pub(crate) struct State {
     pub(crate) scene: Scene,
     pub(crate) moved: Vec<(ObjectId, Aabb)>,

@@ -261,9 +261,9 @@ pub unsafe extern "C" fn vis_view_matrix(
     })
 }
 
-/// Writes the clip planes of a view, relative to the point `origin` (3 finite coordinates; null for the origin
-/// of the world): 4 numbers a, b, c, d each, whose side with a x + b y + c z + d >= 0 is seen. `capacity` and
-/// `count` are in numbers. A null or too short `planes` is handled as in `vis_visible_ids`.
+/// Writes the clip planes of a view, relative to the point `origin` (3 finite coordinates; null for the
+/// origin of the world): 4 numbers a, b, c, d each, whose side with a x + b y + c z + d >= 0 is seen.
+/// `capacity` and `count` are in numbers. A null or too short `planes` is handled as in `vis_visible_ids`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_view_clip_planes(
     view: *const vis_view,

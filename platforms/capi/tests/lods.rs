@@ -113,7 +113,7 @@ fn levels_are_those_of_the_crates_frame_by_frame() {
         let own = View::perspective(Pose::look_at(eye, target, up), 1.0, 1.5, 0.1, 500.0).expect("a view");
         // Some frames are of a smaller window, some of the light that stands 30 m behind the camera.
         let (height, pixels) = if (40..60).contains(&frame) { (500.0, 4.0) } else { (1080.0, 9.0) };
-        let far = (80..100).contains(&frame).then(|| [x - 30.0, 0.0, 9.0]);
+        let far = (80..100).contains(&frame).then_some([x - 30.0, 0.0, 9.0]);
         let point = far.as_ref().map_or(null(), |point| point.as_ptr());
         let seconds = 0.02;
         // SAFETY: handles are live, and arrays as long as said.

@@ -1,5 +1,5 @@
-//! Tests of mirrors through the C interface: the reflections are those of the Rust crates, for a building that
-//! both are given, frame by frame.
+//! Tests of mirrors through the C interface: the reflections are those of the Rust crates, for a building
+//! that both are given, frame by frame.
 
 mod common;
 
@@ -301,7 +301,8 @@ fn what_is_wrong_with_mirrors_is_refused_by_name() {
         returns(vis_reflections_read(of, 1, view, visible), VIS_ERROR_UNKNOWN_ID);
         assert_eq!(message(), "the frame has 1 reflections, and no reflection 1", "beyond the last");
         assert_eq!(matrix_and_planes(view, None), before, "refused calls change nothing");
-        assert_eq!(reflections(of), [vis_reflection { mirror: 0, parent: VIS_NO_REFLECTION, depth: 1 }]);
+        let first = vis_reflection { mirror: 0, parent: VIS_NO_REFLECTION, depth: 1 };
+        assert_eq!(reflections(of), [first], "the mirror that the eye sees, and none in it");
         ok(vis_reflections_read(of, 0, view, visible));
         assert_ne!(matrix_and_planes(view, None), before, "the view of the mirror");
         // Without reflections, mirrors are left out.

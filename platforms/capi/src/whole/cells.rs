@@ -286,10 +286,10 @@ pub unsafe extern "C" fn vis_cells_set_passage(
     })
 }
 
-/// Adds a mirror on the boundary of a cell and writes its number, counted from 0. Its `vertex_count` vertices,
-/// 3 coordinates each, make a convex polygon in a plane, counter-clockwise as seen from within the cell. Views
-/// with `vis_reflections` then find what is seen in the mirror. If the glass itself is drawn, it is an object
-/// of the scene.
+/// Adds a mirror on the boundary of a cell and writes its number, counted from 0. Its `vertex_count`
+/// vertices, 3 coordinates each, make a convex polygon in a plane, counter-clockwise as seen from within the
+/// cell. Views with `vis_reflections` then find what is seen in the mirror. If the glass itself is drawn, it
+/// is an object of the scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_add_mirror(
     cells: *mut vis_cells,

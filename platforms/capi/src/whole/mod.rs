@@ -1,6 +1,6 @@
-//! What only the whole library has: cells, portals and mirrors, baked and online sets, plans, regions and proofs, who
-//! sees whom, queries, casters, occluders of levels, the horizon and the judge. This module is the only one
-//! behind the feature `whole`.
+//! What only the whole library has: cells, portals and mirrors, baked and online sets, plans, regions and
+//! proofs, who sees whom, queries, casters, occluders of levels, the horizon and the judge. This module is
+//! the only one behind the feature `whole`.
 
 mod cells;
 mod errors;

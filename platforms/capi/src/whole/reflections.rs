@@ -124,8 +124,8 @@ pub unsafe extern "C" fn vis_reflections_destroy(reflections: *mut vis_reflectio
     unsafe { destroy(reflections) }
 }
 
-/// Appends portal culling as `vis_pipeline_add_portals` does, which also finds the reflections. They are those
-/// of the pipeline's last frame, so each pipeline needs reflections of its own. Conservative.
+/// Appends portal culling as `vis_pipeline_add_portals` does, which also finds the reflections. They are
+/// those of the pipeline's last frame, so each pipeline needs reflections of its own. Conservative.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_reflections(
     pipeline: *mut vis_pipeline,
