@@ -506,7 +506,8 @@ enum vis_status vis_lods_set_distance_eye(struct vis_lods *lods, const double *e
 // Gives `count` objects the same levels of detail, those of their mesh, for `vis_lods_select`: `sizes` are
 // the sizes in pixels that divide the levels, at most 255, positive and finite. With 200 and 50, level 0 is
 // for 200 pixels and more, level 1 for 50 and more, level 2 for all below. Without sizes, as for new
-// objects, the level is 0. If an id is unknown, nothing changes.
+// objects, the level is 0. Each different list of sizes is kept as long as the scene. If an id is unknown,
+// nothing changes.
 enum vis_status vis_scene_set_lod_sizes(struct vis_scene *scene,
                                         const uint64_t *ids,
                                         size_t count,

@@ -404,7 +404,7 @@ export interface Scene extends Handle {
   /**
    * Gives objects the same levels of detail, those of their mesh, for `Lods`: the sizes in pixels that divide the levels,
    * at most 255. With `[200, 50]`, level 0 is for 200 pixels and more, level 1 for 50 and more, level 2 for all below.
-   * Without sizes, as for new objects, the level is 0.
+   * Without sizes, as for new objects, the level is 0. Each different list of sizes is kept as long as the scene.
    */
   setLodSizes(ids: ArrayLike<ObjectId>, sizes: Numbers): void;
   /**
