@@ -105,11 +105,40 @@ pub(crate) fn affine(transform: &Affine3A) -> glam::Affine3A {
     glam::Affine3A { matrix3, translation: vector(transform.translation) }
 }
 
-/// Converts a local box from bevy to core.
+/// Greatest distance of a side of a mesh from where its `Aabb` has it, as a share of the sum of half extent
+/// and distance of the centre from the origin, along each axis. bevy rounds centre and half extent to
+/// nearest, by 2^-24 of that sum together; the difference and the margin below are rounded by as much again.
+/// A half extent of 0 is exact, and so is the centre beside it.
+const BOX_ROUNDING: f32 = 1.0 / (1 << 22) as f32;
+
+/// Returns the half extents of an `Aabb` less and more what its rounding may make of a mesh's box.
+#[inline]
+fn half_extents(aabb: &bevy_camera::primitives::Aabb) -> [bevy_math::Vec3A; 2] {
+    let half = aabb.half_extents;
+    let margin = (aabb.center.abs() + half) * BOX_ROUNDING;
+    let margin = bevy_math::Vec3A::select(half.cmpeq(bevy_math::Vec3A::ZERO), half, margin);
+    [half - margin, half + margin]
+}
+
+/// Returns the box of an `Aabb` with given half extents, inverted where these are below 0.
+#[inline]
+fn box_of(aabb: &bevy_camera::primitives::Aabb, half: bevy_math::Vec3A) -> Aabb {
+    let vector = |v: bevy_math::Vec3A| glam::Vec3::new(v.x, v.y, v.z);
+    Aabb::new(vector(aabb.center - half), vector(aabb.center + half))
+}
+
+/// Converts a local box from bevy to core: contains the box of the mesh, which bevy has rounded.
 #[inline]
 pub(crate) fn local_box(aabb: &bevy_camera::primitives::Aabb) -> Aabb {
-    let vector = |v: bevy_math::Vec3A| glam::Vec3::new(v.x, v.y, v.z);
-    Aabb::new(vector(aabb.min()), vector(aabb.max()))
+    let [_, outer] = half_extents(aabb);
+    box_of(aabb, outer)
+}
+
+/// Returns a box that is contained in the box of the mesh. `None` if its sides are nearer than rounding
+/// tells.
+pub(crate) fn solid_box(aabb: &bevy_camera::primitives::Aabb) -> Option<Aabb> {
+    let [inner, _] = half_extents(aabb);
+    Some(box_of(aabb, inner)).filter(Aabb::is_proper)
 }
 
 /// Returns the world box around a local box.

@@ -1,6 +1,6 @@
 //! The scene of `visibility-core` that mirrors the entities of a bevy world.
 
-use crate::camera_view::{OTHER_LAYERS, affine, layer_mask, local_box, world_box};
+use crate::camera_view::{OTHER_LAYERS, affine, layer_mask, local_box, solid_box, world_box};
 use crate::occluder::{Occluder, can_occlude, occluder_of_mesh};
 use bevy_asset::{AssetId, Assets};
 use bevy_camera::primitives::{Aabb as BevyAabb, Sphere};
@@ -389,7 +389,7 @@ impl VisibilityScene {
         let local = local_box(aabb);
         let mesh = match occluder {
             Occluder::Mesh => self.mesh_of_asset(item.mesh?.id(), meshes)?,
-            Occluder::Box => self.box_mesh(&local)?,
+            Occluder::Box => self.box_mesh(&solid_box(aabb)?)?,
             Occluder::Custom(mesh) => self.custom_mesh(mesh),
         };
         Some(PlacedOccluder { mesh, local, transform: *transform })

@@ -14,6 +14,10 @@ use visibility_core::glam::Vec3;
 /// material, no alpha mask, no vertex shader that moves the mesh elsewhere. Faces only occlude as seen from
 /// their front, since they are drawn with back-face culling.
 ///
+/// bevy draws an entity only once its material is loaded and its pipeline is compiled. The occluder does not
+/// wait for these: until then, what is behind it is hidden by a wall that is not drawn. Where that shows,
+/// insert the component once the entity is drawn.
+///
 /// Walls, floors, terrain and houses are good occluders. Small things, and meshes with many triangles, cost
 /// more than they save: give these a simpler occluder that lies inside of them, or none.
 ///
@@ -29,7 +33,8 @@ pub enum Occluder {
     /// The triangles of the entity's `Mesh3d`. The entity occludes nothing until the asset is loaded, or if
     /// its data is not kept in the main world. Changes of the asset are followed.
     Mesh,
-    /// The entity's local box, its [`Aabb`](bevy_camera::primitives::Aabb): for entities that are boxes.
+    /// The entity's local box, its [`Aabb`](bevy_camera::primitives::Aabb), less what rounding may have added
+    /// to it: for entities that are boxes.
     Box,
     /// Any mesh in the entity's local coordinates.
     Custom(Arc<OccluderMesh>),

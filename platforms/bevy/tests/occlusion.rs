@@ -75,6 +75,48 @@ fn spawn_things(world: &mut World, random: &mut Random, mesh: &Handle<Mesh>) {
 }
 
 #[test]
+fn boxes_hold_what_bevy_rounded_and_box_occluders_are_within() {
+    let mut random = Random(5);
+    // bevy keeps the first as centre and half extent, from which its least x is 22.30126953125.
+    let mut sides = vec![(Vec3::new(22.301_208, -1.0, 0.1), Vec3::new(1_121.265_1, 1.0, 0.1))];
+    for _ in 0..2000 {
+        let [a, b] = [0, 1].map(|_| random.vec3(-1e3, 1e3) * random.range(0.0, 1.0) as f32);
+        sides.push((a.min(b), a.max(b)));
+    }
+    assert!(
+        Aabb::from_min_max(sides[0].0, sides[0].1).min().x > sides[0].0.x,
+        "bevy rounds the first side inwards"
+    );
+    let mut app = app(true);
+    for (number, &(min, max)) in sides.iter().enumerate() {
+        let aabb = Aabb::from_min_max(min, max);
+        app.world_mut().spawn((drawn(number as u32, Transform::IDENTITY), aabb, Occluder::Box));
+    }
+    app.update();
+    let (mut wide, mut narrow) = (0.0f32, 0.0f32);
+    for (number, &(min, max)) in sides.iter().enumerate() {
+        let entity = entity(&mut app, Number(number as u32)).unwrap();
+        let mirror = app.world().resource::<VisibilityScene>();
+        let id = mirror.object(entity).unwrap();
+        let bounds = mirror.scene().bounds(id).unwrap();
+        let [low, high] = [bounds.min, bounds.max].map(|corner| Vec3::from_array(corner.to_array()));
+        assert!(
+            low.cmple(min).all() && high.cmpge(max).all(),
+            "box {number}: {low} to {high} of {min} to {max}"
+        );
+        wide = wide.max((min - low).max_element()).max((high - max).max_element());
+        let (mesh, _) = mirror.scene().occluder(id).unwrap();
+        for corner in mesh.positions().iter().map(|corner| Vec3::from_array(corner.to_array())) {
+            let inside = (corner - min).min(max - corner);
+            assert!(inside.min_element() >= 0.0, "box {number}: {corner} of {min} to {max}");
+            let [from_min, from_max] = [corner - min, max - corner];
+            narrow = narrow.max(from_min.min(from_max).max_element());
+        }
+    }
+    assert!(wide < 1e-3 && narrow < 1e-3, "the sides move by {wide} and {narrow}");
+}
+
+#[test]
 fn only_what_no_line_of_sight_reaches_is_hidden() {
     let mut app = app(true);
     let mut random = Random(11);

@@ -6,6 +6,8 @@
 
 mod arrays;
 mod baked;
+mod cells;
+mod cullers;
 mod error;
 mod measure;
 mod plan;
@@ -26,6 +28,7 @@ fn _visibility(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::Scene>()?;
     module.add_class::<view::View>()?;
     module.add_class::<baked::BakedSet>()?;
+    module.add_class::<cells::Cells>()?;
     module.add_function(wrap_pyfunction!(terrain::viewshed, module)?)?;
     module.add_function(wrap_pyfunction!(terrain::viewshed_count, module)?)?;
     module.add_function(wrap_pyfunction!(terrain::hidden_heights, module)?)?;

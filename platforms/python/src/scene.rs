@@ -1,5 +1,6 @@
 //! Scenes, and how objects come into them.
 
+use crate::cullers::Kept;
 use crate::error::refused;
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -8,23 +9,23 @@ use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::occlusion::{Preparation, prepare};
 use visibility_core::scene::Triangle;
-use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, Pipeline, scene};
+use visibility_core::{Aabb, Object, ObjectId, OccluderMesh, scene};
 use visibility_occluders::LevelOccluders;
 
 /// Objects with boxes and triangles, of which cameras and regions see some.
 ///
 /// Objects are numbered from 0 in the order in which they are added. Coordinates are in metres, of any axes;
 /// they are kept in single precision relative to origin, so choose an origin amid the scene. two_sided:
-/// whether triangles hide from behind as well, for models whose faces do not all face outwards.
+/// whether triangles show and hide from behind as well, for models whose faces do not all face outwards.
+/// Without it no method lets a triangle hide what is seen past its back.
 #[pyclass(module = "visibility", subclass)]
 pub(crate) struct Scene {
     pub(crate) scene: scene::Scene,
     pub(crate) two_sided: bool,
     /// Large occluders made of the triangles of many objects.
     pub(crate) level: Option<Arc<LevelOccluders>>,
-    /// Pipelines kept from call to call, so that their memory is: the frustum alone, and with the z-buffer.
-    /// Each is taken out while it works.
-    pub(crate) pipelines: Mutex<[Vec<Pipeline>; 2]>,
+    /// Pipelines kept from call to call, so that their memory is, and the occluders of their stages.
+    pub(crate) kept: Mutex<Kept>,
 }
 
 /// Returns the least `f32` that is not below `x - origin`.
@@ -77,7 +78,9 @@ impl Scene {
         occluder: bool,
     ) -> PyResult<ObjectId> {
         let occluder = occluder && triangles.is_some();
-        let id = self.scene.insert(Object { occluder, ..Object::new(bounds) });
+        // Also what joins occluders, proves and bakes reads the flag, beside the mesh that is prepared below.
+        let one_sided = !self.two_sided;
+        let id = self.scene.insert(Object { occluder, one_sided, ..Object::new(bounds) });
         if let Some(triangles) = triangles {
             let settings = Preparation::default().with_two_sided(self.two_sided);
             let mesh = if occluder { prepare(&triangles, &settings) } else { None };
@@ -88,15 +91,23 @@ impl Scene {
             });
             placed.map_err(|error| refused("positions", error))?;
         }
-        if occluder && self.level.take().is_some() {
-            self.forget_pipelines();
+        if occluder {
+            self.level = None;
+            self.forget_occluders();
+        } else {
+            self.boxes_changed();
         }
         Ok(id)
     }
 
-    /// Drops the pipelines, whose z-buffers hold other joined occluders.
-    pub(crate) fn forget_pipelines(&mut self) {
-        *self.pipelines.get_mut().unwrap_or_else(PoisonError::into_inner) = Default::default();
+    /// Drops the pipelines and occluders that are kept: there are other occluders, or other joined ones.
+    pub(crate) fn forget_occluders(&mut self) {
+        *self.kept.get_mut().unwrap_or_else(PoisonError::into_inner) = Kept::default();
+    }
+
+    /// Notes that objects that hide nothing have come or moved.
+    pub(crate) fn boxes_changed(&mut self) {
+        self.kept.get_mut().unwrap_or_else(PoisonError::into_inner).scene_changed();
     }
 
     /// Makes a mask of objects.

@@ -2,6 +2,8 @@
 
 use crate::arrays::{self, BOXES, LIST, POINTS_3D};
 use crate::baked::{self, BakedSet};
+use crate::cells::Cells;
+use crate::cullers::Stage;
 use crate::error::refused;
 use crate::scene::{Scene, ids_array};
 use crate::view::View;
@@ -10,8 +12,7 @@ use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::{Aabb, FrustumCuller, Pipeline, VisibleSet, scene};
-use visibility_hzb::{Hzb, HzbCuller};
+use visibility_core::{Aabb, VisibleSet, scene};
 use visibility_occluders::{LevelOccluders, LevelSettings};
 
 #[pymethods]
@@ -21,7 +22,7 @@ impl Scene {
     fn new(origin: [f64; 3], two_sided: bool) -> PyResult<Self> {
         let mut scene = scene::Scene::new();
         scene.set_origin(DVec3::from_array(origin)).map_err(|error| refused("origin", error))?;
-        Ok(Self { scene, two_sided, level: None, pipelines: Mutex::default() })
+        Ok(Self { scene, two_sided, level: None, kept: Mutex::default() })
     }
 
     fn __len__(&self) -> usize {
@@ -49,7 +50,9 @@ impl Scene {
         let ids = py.detach(|| {
             if !solid {
                 let bounds: Vec<Aabb> = boxes.iter().map(|&corners| self.bounds_of(corners)).collect();
-                return Ok(self.scene.insert_batch(bounds));
+                let ids = self.scene.insert_batch(bounds);
+                self.boxes_changed();
+                return Ok(ids);
             }
             let mut ids = Vec::with_capacity(boxes.len());
             for &corners in boxes {
@@ -133,6 +136,7 @@ impl Scene {
             }
             self.scene.set_bounds_batch(&moved).map_err(|error| refused("ids", error))?;
             self.scene.maintain(256);
+            self.boxes_changed();
             Ok(())
         })
     }
@@ -158,39 +162,51 @@ impl Scene {
             .map_err(|error| refused("scene", error))?;
         let polygons = level.report().polygons;
         self.level = Some(Arc::new(level));
-        self.forget_pipelines();
+        self.forget_occluders();
         Ok(polygons)
+    }
+
+    /// Makes cells and portals of the triangles of the occluders: space is divided along large walls, and
+    /// every gap between triangles becomes an open portal. For cull, in buildings.
+    ///
+    /// max_cells: more regions are not divided. What is added later does not count. There are no cells, and
+    /// they hide nothing, where all space sees the backs of triangles, as in a scene that is not two_sided
+    /// with walls that are open behind. Takes from milliseconds to minutes.
+    #[pyo3(signature = (*, max_cells=16384))]
+    fn make_cells(&self, py: Python<'_>, max_cells: usize) -> PyResult<Cells> {
+        Cells::of_scene(&self.scene, py, max_cells)
     }
 
     /// Numbers of the objects that a camera may see, ascending: uint32 (k,). With mask=True, bool (n,).
     ///
-    /// Objects outside of the view are left out, and with occlusion=True those that a software z-buffer
-    /// proves to be behind others. No visible object is ever left out.
-    #[pyo3(signature = (view, *, occlusion=true, mask=false))]
+    /// Objects outside of the view are left out, and those that occlusion proves to be behind others. No
+    /// visible object is ever left out. occlusion: one or several, applied in turn:
+    ///
+    /// - "z_buffer", or True: a software z-buffer, for scenes of any kind.
+    /// - "horizon": upright solids, walls and hills, for cities and terrain near the ground, with z up.
+    /// - "horizon_y": the same with y up.
+    /// - "occlusion_tree": a tree of the shadows of the largest polygons.
+    /// - Cells: what is seen through open portals of a building.
+    ///
+    /// False or an empty list: none.
+    #[pyo3(
+        signature = (view, *, occlusion=None, mask=false),
+        text_signature = "($self, view, *, occlusion=True, mask=False)"
+    )]
     fn cull<'py>(
         &self,
         py: Python<'py>,
         view: &View,
-        occlusion: bool,
+        occlusion: Option<&Bound<'py, PyAny>>,
         mask: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
+        let stages = Stage::list(occlusion)?;
         let visible = py.detach(|| {
-            let kind = usize::from(occlusion);
-            let lock = || self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-            let kept = lock().get_mut(kind).and_then(Vec::pop);
-            let mut pipeline = kept.unwrap_or_else(|| {
-                let pipeline = Pipeline::new().with(FrustumCuller::new());
-                let with_level = |hzb: Hzb| match &self.level {
-                    Some(level) => hzb.with_level(level.clone(), self.scene.origin()),
-                    None => hzb,
-                };
-                if occlusion { pipeline.with(HzbCuller::new(with_level(Hzb::default()))) } else { pipeline }
-            });
+            let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut pipeline = kept().take(&stages, &self.scene, self.level.as_ref());
             let mut visible = VisibleSet::new();
             pipeline.cull(&self.scene, &view.view, &mut visible);
-            if let Some(pipelines) = lock().get_mut(kind) {
-                pipelines.push(pipeline);
-            }
+            kept().keep(stages, pipeline);
             visible
         });
         if mask {

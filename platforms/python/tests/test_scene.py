@@ -116,6 +116,27 @@ def test_regions(street):
         street.prove_from_region(region, clearance=np.nan)
 
 
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_the_back_of_a_wall_hides_only_where_the_scene_says_so(two_sided):
+    scene = Scene(two_sided=two_sided)
+    # Its front is towards +x, where the lamp is.
+    points = np.array([(5, -10, -10), (5, 10, -10), (5, 10, 10), (5, -10, 10)], dtype=np.float64)
+    scene.add_mesh(points, [(0, 1, 2), (0, 2, 3)])
+    scene.add_boxes([LAMP, BEHIND])
+    back, front = [(-1, -1, -1), (0, 1, 1)], [(10, -1, -1), (11, 1, 1)]
+    towards = View.perspective((12, 0, 0), (0, 0, 0))
+    for joined in (False, True):
+        if joined:
+            scene.join_occluders()
+        assert (1 in scene.cull(AHEAD)) == (not two_sided), f"{joined=}: past the back"
+        assert 2 not in scene.cull(towards), f"{joined=}: behind the front"
+    for region, beyond, is_hidden in ((back, 1, two_sided), (front, 2, True)):
+        seen, hidden, undecided, _ = scene.prove_from_region(region)
+        assert (beyond in hidden, beyond in seen) == (is_hidden, not is_hidden), f"{beyond} by proof"
+        assert (beyond in scene.seen_from_region(region)) == (not is_hidden), f"{beyond} by the sweep"
+        assert (beyond in scene.bake([region]).row(0)) == (not is_hidden), f"{beyond} in a bake"
+
+
 def test_bake(street):
     cells = Scene.grid_cells([(-2, -2, -2), (2, 2, 2)], (2, 4, 4))
     assert cells.shape[1:] == (2, 3) and len(cells) >= 2
@@ -204,13 +225,15 @@ def test_cityjson(tmp_path):
     pytest.importorskip("mapbox_earcut")
     path = tmp_path / "house.city.json"
     path.write_text(json.dumps(house((5, -10, -10), (6, 10, 10))))
-    scene, names = Scene.from_cityjson(path)
-    assert names == ["house"] and len(scene) == 1
-    # The window is a hole in the front wall; the back wall is seen through it.
+    # The window is a hole in the front wall; the back wall is seen through it, from behind.
     view = View.perspective((0, -8.5, -8.5), (1, -8.5, -8.5), fov_y=0.05)
-    lamp = scene.add_boxes([[(8, -8.6, -8.6), (8.1, -8.4, -8.4)]])[0]
-    assert lamp not in scene.cull(AHEAD)
-    assert scene.item_buffer(view).max() == 0
+    for two_sided in (False, True):
+        scene, names = Scene.from_cityjson(path, two_sided=two_sided)
+        assert names == ["house"] and len(scene) == 1
+        lamp = scene.add_boxes([[(8, -8.6, -8.6), (8.1, -8.4, -8.4)]])[0]
+        assert lamp not in scene.cull(AHEAD)
+        assert (lamp in scene.item_buffer(view)) == (not two_sided), "past the back of the back wall"
+        assert (lamp in scene.cull(view)) == (not two_sided), "past the back of the back wall"
     with pytest.raises(ValueError, match="source: expected a CityJSON file"):
         Scene.from_cityjson({"type": "Feature"})
 

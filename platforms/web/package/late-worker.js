@@ -17,8 +17,11 @@ function holds({ min, max }, other) {
   return !min.some((x, i) => isBeyond(x, other.min[i]) || isBeyond(other.max[i], max[i]));
 }
 
-/** An answer by which nothing is hidden. */
-const NO_ANSWER = () => ({ isForReach: false, bits: new Uint32Array(0) });
+/**
+ * The answer to a question by which nothing is hidden. By a clear bit a region is hidden: it has no answer rather than
+ * one without bits.
+ */
+const NO_ANSWER = ({ what }) => (what === "region" ? null : { isForReach: false, bits: new Uint32Array(0) });
 
 /** Serves a port with a library. */
 export function serve(port, visibility) {
@@ -116,9 +119,10 @@ export function serve(port, visibility) {
   }
 
   const answers = {
-    cull({ of, reach, camera: [method, parameters], layers }) {
+    cull(ask) {
+      const { of, reach, camera: [method, parameters], layers } = ask;
       // Cells are of the occluders of all layers.
-      if (layers !== ALL_LAYERS && of.some(([name]) => name === "addPortals")) return NO_ANSWER();
+      if (layers !== ALL_LAYERS && of.some(([name]) => name === "addPortals")) return NO_ANSWER(ask);
       view[method](...parameters);
       view.setLayers(layers);
       const { pipeline, cells } = pipelineOf(of);
@@ -158,19 +162,17 @@ export function serve(port, visibility) {
     },
   };
 
-  port.onmessage = ({ data: { calls, ask } }) => {
+  port.onmessage = ({ data: { calls = [], ask } }) => {
     for (const call of calls) apply(call);
     if (calls.length > 0) scene.maintain();
     if (!ask) return;
     const start = performance.now();
-    // By a clear bit a region is hidden: it has no answer rather than one without bits.
-    const none = ask.what === "region" ? () => null : NO_ANSWER;
     let answer;
     try {
-      answer = isBroken ? none() : answers[ask.what](ask);
+      answer = isBroken ? NO_ANSWER(ask) : answers[ask.what](ask);
     } catch (error) {
       refusals.push(error.message);
-      answer = none();
+      answer = NO_ANSWER(ask);
     }
     if (answer) answer.milliseconds = performance.now() - start;
     port.postMessage({ number: ask.number, refusals, answer }, answer ? [answer.bits.buffer] : []);
@@ -178,12 +180,31 @@ export function serve(port, visibility) {
   };
 }
 
-if (typeof DedicatedWorkerGlobalScope !== "undefined" && self instanceof DedicatedWorkerGlobalScope) {
+/**
+ * Serves a port once a library is loaded: `loading` is the promise of it. If it cannot be loaded, each question is
+ * answered by what hides nothing, with the reason among the refusals, and calls are dropped.
+ */
+export async function serveLoaded(port, loading) {
   // What comes before the library is there.
   const early = [];
-  self.onmessage = (message) => early.push(message);
-  load({ frames: self.name === "frames" }).then((visibility) => {
-    serve(self, visibility);
-    for (const message of early) self.onmessage(message);
+  port.onmessage = (message) => early.push(message);
+  try {
+    serve(port, await loading);
+  } catch (error) {
+    const refusals = [`worker: the library is not loaded: ${error.message}`];
+    port.onmessage = ({ data: { ask } }) => {
+      if (ask) port.postMessage({ number: ask.number, refusals, answer: NO_ANSWER(ask) });
+    };
+  }
+  for (const message of early.splice(0)) port.onmessage(message);
+}
+
+/** Resolves to the library whose module is in the first message to a port. */
+function loadGiven(port) {
+  return new Promise((resolve) => {
+    port.addEventListener("message", ({ data: { wasm } }) => resolve(load({ wasm })), { once: true });
   });
 }
+
+if (typeof DedicatedWorkerGlobalScope !== "undefined" && self instanceof DedicatedWorkerGlobalScope)
+  serveLoaded(self, self.name === "given" ? loadGiven(self) : load({ frames: self.name === "frames" }));

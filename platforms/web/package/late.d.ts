@@ -5,8 +5,11 @@ import type { Numbers, ObjectId, Scene, View, Visibility } from "./visibility.js
 /** The number of bits that are set in words of 32, such as `Visible.bits`. */
 export function countBits(words: Iterable<number>): number;
 
-/** Starts a worker of this package, which loads the library: with `frames` the small module, without portals. */
-export function startWorker(options?: { frames?: boolean }): Worker;
+/**
+ * Starts a worker of this package, which loads the library: with `frames` the small module, without portals; with `wasm`
+ * that module, a compiled one or its bytes, where the package's own cannot be fetched.
+ */
+export function startWorker(options?: { frames?: boolean; wasm?: WebAssembly.Module | BufferSource }): Worker;
 
 /**
  * A scene that workers follow, with the methods of `Scene` that change it. It takes a new scene without objects, which
@@ -42,6 +45,7 @@ export interface LateScene
     | "destroy"
   > {
   readonly local: Scene;
+  /** The last 64 messages. */
   readonly refusals: string[];
   /** Number of calls so far. Answers tell for which number they are. */
   readonly revision: number;

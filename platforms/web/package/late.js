@@ -53,17 +53,25 @@ export function countBits(words) {
   return count;
 }
 
-/** Starts a worker of this package. With `frames` it loads the small module. */
-export function startWorker({ frames = false } = {}) {
+/** Starts a worker of this package. With `frames` it loads the small module, with `wasm` that one. */
+export function startWorker({ frames = false, wasm } = {}) {
   // Bundlers look for literals.
+  if (wasm) {
+    const worker = new Worker(new URL("./late-worker.js", import.meta.url), { type: "module", name: "given" });
+    worker.postMessage({ wasm });
+    return worker;
+  }
   return frames
     ? new Worker(new URL("./late-worker.js", import.meta.url), { type: "module", name: "frames" })
     : new Worker(new URL("./late-worker.js", import.meta.url), { type: "module", name: "whole" });
 }
 
+/** Greatest number of messages of workers that are kept: the last ones. */
+const MOST_REFUSALS = 64;
+
 /** A scene that workers follow. It has the methods of `Scene`. */
 export class LateScene {
-  /** Messages of workers about meshes that the library has refused: these hide nothing. */
+  /** The last messages of workers: about meshes that the library has refused, which hide nothing, and what failed. */
   refusals = [];
   #scene;
   #ports;
@@ -92,7 +100,7 @@ export class LateScene {
     for (const port of ports) {
       port.onmessage = ({ data }) => this.#receive(data);
       // A worker that does not start gives no answers: nothing is hidden.
-      port.onerror = ({ message }) => this.refusals.push(`worker: ${message}`);
+      port.onerror = ({ message }) => this.#refuse([`worker: ${message}`]);
     }
     this.#noShape = scene.addMesh(NO_SHAPE);
     // The first mesh of the workers is the same.
@@ -318,8 +326,13 @@ export class LateScene {
     this.flush({ ...question, number }, to);
   }
 
-  #receive({ number, refusals, answer }) {
+  #refuse(refusals) {
     this.refusals.push(...refusals);
+    this.refusals.splice(0, this.refusals.length - MOST_REFUSALS);
+  }
+
+  #receive({ number, refusals, answer }) {
+    this.#refuse(refusals);
     const ask = this.#asks.get(number);
     this.#asks.delete(number);
     ask?.then(answer && { ...answer, revision: ask.revision });

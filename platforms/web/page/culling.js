@@ -5,7 +5,7 @@ import { BackSide, DoubleSide, Vector3 } from "three";
 import { countBits } from "../package/late.js";
 import { Flag } from "../package/visibility.js";
 import { fillScene, firstTriangles, makeBuilding } from "./scene.js";
-import { isPlacedWell } from "../three/boxes.js";
+import { addOccluderMesh, isPlacedWell, isSideSure } from "../three/boxes.js";
 import { add, basisOf } from "./camera.js";
 import { hasItem, marginOfItem, turnTriangles } from "./items.js";
 import { pause } from "./load.js";
@@ -16,11 +16,22 @@ import { Workers } from "./workers.js";
  * A mesh with more triangles hides nothing: to draw it into the z-buffer would take longer than it saves.
  */
 const MOST_OCCLUDER_TRIANGLES = 1 << 14;
+/** Greatest error of a coordinate of a vertex that is rounded to single precision, relative to it. */
+const VERTEX_ROUNDING = 2 ** -24;
 /** Microseconds of work that sets ahead of the eye get each frame. */
 const AHEAD_MICROSECONDS = 3000;
 /** Moments in seconds from now at which the eye's places are asked for. */
 const AHEAD_SECONDS = [0, 0.1, 0.2, 0.4, 0.8];
 const SLICE_MS = 20;
+
+/**
+ * Whether an item of a model may hide: single precision places it well in its box, and tells the side that is drawn.
+ * `more` is how far it is moved by other rounding.
+ */
+function canHide({ side, reach }, matrix, bounds, item, more = 0) {
+  const margin = marginOfItem(reach, matrix) + more;
+  return isPlacedWell(bounds, 6 * item, matrix, margin) && (side === DoubleSide || isSideSure(matrix));
+}
 
 /**
  * Cullers on offer, in the order of the pipeline: name, and title in the panel. Those that need it draw occluders
@@ -145,7 +156,7 @@ export class Culling {
       }
       const shape = model.shapes[item];
       const matrix = model.matrices[item];
-      if (!isSolid[item] || !isPlacedWell(model.bounds, 6 * item, marginOfItem(shape.reach, matrix))) return false;
+      if (!isSolid[item] || !canHide(shape, matrix, model.bounds, item)) return false;
       const isMirrored = matrix.determinant() < 0;
       const known = meshes[Number(isMirrored)];
       if (!known.has(shape)) known.set(shape, this.#meshOf(scene, shape, isMirrored));
@@ -187,7 +198,7 @@ export class Culling {
       indices = indices.slice();
       turnTriangles(indices);
     }
-    return scene.addMesh({ positions, indices, twoSided: side === DoubleSide });
+    return addOccluderMesh(scene, { positions, indices, twoSided: side === DoubleSide });
   }
 
   /** Names of the stages that this scene has what they need for. */
@@ -242,9 +253,11 @@ export class Culling {
     const { shapes, matrices, bounds } = this.model;
     const point = new Vector3();
     return (item) => {
-      const { geometry, side, reach } = shapes[item];
+      const { geometry, side } = shapes[item];
       const matrix = matrices[item];
-      if (!isPlacedWell(bounds, 6 * item, marginOfItem(reach, matrix))) return null;
+      // Each vertex is rounded at its place.
+      const farthest = Math.max(...bounds.subarray(6 * item, 6 * item + 6).map(Math.abs));
+      if (!canHide(shapes[item], matrix, bounds, item, VERTEX_ROUNDING * farthest)) return null;
       const indices = geometry.index.array.slice(0, 3 * Math.floor(geometry.index.count / 3));
       if ((side === BackSide) !== matrix.determinant() < 0) turnTriangles(indices);
       const triangles = new Float32Array(3 * indices.length);

@@ -64,8 +64,8 @@ function decoded(part) {
   }
 }
 
-/** Chooses the model among dropped files. The others are what it refers to. */
-function findModel(files) {
+/** Chooses the model among dropped files, null if none is one. The others are what it refers to. */
+export function findModel(files) {
   const byEnding = (ending) => files.find(({ name }) => name.toLowerCase().endsWith(ending));
   return byEnding(".glb") ?? byEnding(".gltf") ?? (files.length === 1 ? files[0] : null);
 }

@@ -6,7 +6,7 @@ import { Flyer, add } from "./camera.js";
 import { Culling, STAGES } from "./culling.js";
 import { makeModel } from "./items.js";
 import { Judge } from "./judge.js";
-import { ModelError, loadModel } from "./load.js";
+import { ModelError, findModel, loadModel } from "./load.js";
 import { Pace } from "./pace.js";
 import { Panel } from "./panel.js";
 import { Picture } from "./picture.js";
@@ -165,7 +165,7 @@ function chooseScene(name) {
 /** Opens files. With `zUp` their z axis points up, against the rule of glTF. */
 function openFiles(files, zUp = false) {
   if (files.length === 0) return;
-  return show(files[0].name, async (progress) => {
+  return show((findModel(files) ?? files[0]).name, async (progress) => {
     const { root, bytes, cameras } = await loadModel(files, picture.renderer, progress);
     if (zUp) root.rotation.x -= Math.PI / 2;
     const model = await makeModel(root, progress);

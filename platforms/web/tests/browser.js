@@ -385,6 +385,80 @@ async function refusals(tab) {
   );
 }
 
+/** Files that are dropped on the page: a model, one with its buffer, whose triangle has no area, and none. */
+async function drops(tab) {
+  const path = (name) => `${pictures}/${name}`;
+  await writeWall(path("wall.glb"));
+  await writeFile(path("apart.bin"), new Uint8Array(new Float32Array([0, 0, 0, 1, 1, 0, 2, 2, 0]).buffer));
+  await writeFile(
+    path("apart.gltf"),
+    JSON.stringify({
+      asset: { version: "2.0" },
+      scenes: [{ nodes: [0] }],
+      nodes: [{ mesh: 0 }],
+      meshes: [{ primitives: [{ attributes: { POSITION: 0 } }] }],
+      accessors: [
+        { bufferView: 0, componentType: 5126, count: 3, type: "VEC3", min: [0, 0, 0], max: [2, 2, 0] },
+      ],
+      bufferViews: [{ buffer: 0, byteLength: 36 }],
+      buffers: [{ uri: "apart.bin", byteLength: 36 }],
+    }),
+  );
+  const isHintShown = () => tab.page.$eval("#drop", (hint) => !hint.hidden);
+  const over = async () => assert.equal(await isHintShown(), true, "a hint while files are over the page");
+  const opened = await tab.dropFiles([path("wall.glb")], over);
+  assert.deepEqual([opened.message, opened.scene, opened.objects], ["", "wall.glb", 38]);
+  assert.equal(await isHintShown(), false, "no hint after the drop");
+  // Chromium tells a drag that leaves the page to no test.
+  const leave = (type) => tab.page.evaluate(`dispatchEvent(new DragEvent("${type}"))`);
+  await leave("dragenter");
+  await over();
+  await leave("dragleave");
+  assert.equal(await isHintShown(), false, "no hint after a drag that leaves");
+  // The browser has not gone to the file in place of the page.
+  assert.match(tab.page.url(), /^http/);
+  const none = await tab.dropFiles([]);
+  assert.deepEqual([none.message, none.scene, none.errors], ["", "wall.glb", 0], "a drop without files");
+  const alone = await tab.dropFiles([path("apart.gltf")]);
+  assert.match(alone.message, /apart\.bin: drop these together/);
+  for (const names of [
+    ["apart.gltf", "apart.bin"],
+    ["apart.bin", "apart.gltf"],
+  ]) {
+    const both = await tab.dropFiles(names.map(path));
+    assert.deepEqual([both.message, both.scene, both.objects], ["", "apart.gltf", 1], names.join());
+    const flat = await tab.act(`page.chooseStages(["frustum", "zbuffer", "horizon"])`);
+    assert.deepEqual([flat.message, flat.errors, flat.visible], ["", 0, 1], "a mesh that can hide nothing");
+    await tab.dropFiles([path("wall.glb")]);
+  }
+  tab.complaints = tab.complaints.filter((text) => !/data:,|apart\.bin|Couldn't load/.test(text));
+}
+
+/** Workers with a module that they are given: a whole one, whose regions the small one does not tell, and none. */
+async function givenModules(tab) {
+  const answer = (module) =>
+    tab.page.evaluate(`(async () => {
+      const { LateScene, startWorker } = await import("../package/late.js");
+      const { load } = await import("../package/visibility.js");
+      const wasm = ${module};
+      const worker = startWorker({ frames: true, wasm });
+      const scene = new LateScene((await load({ frames: true })).createScene(), [worker]);
+      const [lamp] = scene.insertAll({ bounds: [2, 2, 2, 3, 3, 3] });
+      const asked = { what: "region", min: [-1, -1, -1], max: [1, 1, 1] };
+      const found = await new Promise((resolve) => scene.ask(asked, resolve));
+      scene.destroy();
+      return [found && [...found.bits], scene.refusals];
+    })()`);
+  const fetched = `await (await fetch("../package/visibility.wasm")).arrayBuffer()`;
+  assert.deepEqual(await answer(`await WebAssembly.compile(${fetched})`), [[1], []], "a compiled module");
+  assert.deepEqual(await answer(fetched), [[1], []], "bytes");
+  const [none, [refusal]] = await answer(`new Uint8Array(8)`);
+  assert.equal(none, null);
+  assert.match(refusal, /library is not loaded.*WebAssembly/, "bytes that are no module");
+  const [small, [lack]] = await answer("undefined");
+  assert.deepEqual([small, /whole module|frames/.test(lack)], [null, true], `by the small module: ${lack}`);
+}
+
 /** What a person does before the library is there: keys do no harm, a file is shown in place of the scene. */
 async function early() {
   const path = (name) => `${pictures}/${name}`;
@@ -477,6 +551,8 @@ try {
     [farVertices, OFFICE],
     [reports, OFFICE],
     [refusals, OFFICE],
+    [drops, OFFICE],
+    [givenModules, OFFICE],
     [input, "scene=office&full"],
     [phone, OFFICE, PHONE],
   ];

@@ -113,6 +113,29 @@ export class Tab {
     return this.act();
   }
 
+  /**
+   * Drags files over the page from its left to its right by the browser's own events, as a person does, and drops them.
+   * `over` is called at each place on the way. Waits until they are shown or refused.
+   */
+  async dropFiles(paths, over = async () => {}) {
+    await this.page.evaluate(`page.state.message = ""; page.state.loadMs = null`);
+    const { width, height } = this.page.viewport();
+    const session = await this.page.createCDPSession();
+    const data = { items: [], files: paths, dragOperationsMask: 1 };
+    const send = (type, x) =>
+      session.send("Input.dispatchDragEvent", { type, x: x * width, y: height / 2, data });
+    await send("dragEnter", 0.2);
+    for (const x of [0.2, 0.5, 0.9, 0.5]) {
+      await send("dragOver", x);
+      await over();
+    }
+    await send("drop", 0.5);
+    await session.detach();
+    if (paths.length > 0)
+      await this.until(`page.state.message || (!page.state.loading && page.state.loadMs !== null)`);
+    return this.act();
+  }
+
   picture(path) {
     return this.page.screenshot({ path });
   }

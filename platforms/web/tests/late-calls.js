@@ -6,7 +6,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { LateScene } from "../package/late.js";
 import { Flag, NO_OBJECT, indexOf, load } from "../package/visibility.js";
-import { serve } from "../package/late-worker.js";
+import { serve, serveLoaded } from "../package/late-worker.js";
 import { Workers } from "../page/workers.js";
 import { REFUSED_MESH, box, elsewhere, has, moveBy, street, visibility, watched, wire } from "./late-street.js";
 
@@ -255,6 +255,31 @@ test("an object hides nothing by what it had before a mesh that is refused, unti
   isShown(lamp);
   settle();
   assert.ok(!isShown(lamp), "by a good mesh");
+});
+
+test("a worker whose library cannot be loaded answers what came before as well, and its messages are bounded", async () => {
+  const { near, far, deliver } = wire();
+  let fail;
+  const served = serveLoaded(far, new Promise((_, reject) => (fail = reject)));
+  const scene = new LateScene(visibility.createScene(), [near]);
+  const answers = [];
+  const ask = (what) => scene.ask({ what, ...cube(-1, 1) }, (answer) => answers.push(answer));
+  ask("hidden");
+  ask("region");
+  deliver();
+  fail(new Error("no module"));
+  await served;
+  deliver();
+  assert.deepEqual(
+    answers.map((answer) => answer?.bits.length),
+    [0, undefined],
+    "no object is hidden, and no region is told",
+  );
+  for (let i = 0; i < 100; i++) ask("hidden");
+  deliver();
+  deliver();
+  assert.deepEqual([answers.length, scene.refusals.length], [102, 64]);
+  assert.match(scene.refusals[63], /no module/);
 });
 
 test("the page bakes boxes anew for occluders that have come since", () => {

@@ -31,13 +31,31 @@ const ROUNDING = 2 ** -20;
 /** The same of the products of bones: 30 u, rounded up. See `skinnedBox`. */
 const SKIN_ROUNDING = 2 ** -19;
 /**
- * An occluder is used if the card puts it beside its place by at most this share of its size: a pixel of a
- * picture 1000 pixels high if the eye is as near as 1/8 of its size. Turned vertices of the tests err by an
- * eighth of the margin at most.
+ * An occluder is used if the card and the library together put it beside its place by at most this share of its
+ * size: a pixel of a picture 1000 pixels high if the eye is as near as 1/8 of its size. Turned vertices of the
+ * tests err by an eighth of the card's margin at most.
  */
 const PLACED_TO = 2 ** -13;
-/** The same for its place relative to the scene's origin, in the library's single precision. */
-const KEPT_TO = 2 ** -10;
+/**
+ * An occluder with one side is used if the determinant of its matrix is at least this share of the product of
+ * the columns' lengths. Below, three.js may find another sign in double precision than the library in single
+ * precision: rounding the numbers of a column moves the share by 3 times 2^-24 at most, that of all three
+ * columns by 6e-7.
+ */
+const LEAST_DETERMINANT = 1e-5;
+
+/**
+ * Adds an occluder mesh to a scene of the library. Returns its id, or null if the library refuses it, so that it hides
+ * nothing: no triangle has an area, or vertices are beyond what is kept.
+ */
+export function addOccluderMesh(scene, mesh) {
+  try {
+    return scene.addMesh(mesh);
+  } catch (error) {
+    if (error?.code === "ARGUMENT") return null;
+    throw error;
+  }
+}
 
 const boneMatrix = new Matrix4();
 const bounds = new Float64Array(6);
@@ -77,14 +95,23 @@ export function place({ object, shape, many }, i, matrix) {
   return marginOf(matrixWorld, reach);
 }
 
-/** Whether single precision places an occluder in a box well enough. `margin` is that of the card. */
-export function isPlacedWell(boxes, at, margin) {
-  let [size, reach] = [0, 0];
-  for (let k = at; k < at + 3; k++) {
-    size = Math.max(size, boxes[3 + k] - boxes[k]);
-    reach = Math.max(reach, Math.abs(boxes[k]), Math.abs(boxes[3 + k]));
-  }
-  return margin <= PLACED_TO * size && reach * 2 ** -24 <= KEPT_TO * size;
+/**
+ * Whether single precision places an occluder in a box well enough. `matrix` is relative to the scene's origin: the
+ * library rounds its translation to the nearest. `margin` is that of the card. False if a number of the matrix is not
+ * finite in single precision.
+ */
+export function isPlacedWell(boxes, at, { elements: e }, margin) {
+  if (!e.every((x) => Number.isFinite(Math.fround(x)))) return false;
+  const size = Math.max(boxes[at + 3] - boxes[at], boxes[at + 4] - boxes[at + 1], boxes[at + 5] - boxes[at + 2]);
+  const error = Math.hypot(...[12, 13, 14].map((i) => Math.fround(e[i]) - e[i]));
+  return margin + error <= PLACED_TO * size;
+}
+
+/** Whether single and double precision surely find the same sign of a matrix's determinant. */
+export function isSideSure(matrix) {
+  const { elements: e } = matrix;
+  const length = (i) => Math.hypot(e[i], e[i + 1], e[i + 2]);
+  return Math.abs(matrix.determinant()) > LEAST_DETERMINANT * length(0) * length(4) * length(8);
 }
 
 /**

@@ -1,6 +1,7 @@
 // Meshes of a scene and their objects in the library, and what three.js says of them: parts, layers, instances.
 
 import { BatchedMesh, Layers, Mesh, Object3D } from "three";
+import { isPlacedWell, isSideSure, place } from "./boxes.js";
 import { InstanceOrder, countOf } from "./instances.js";
 import { Surface } from "./surfaces.js";
 
@@ -34,6 +35,8 @@ export class Entry {
     this.shape = null;
     /** Layers that the library has: 0 where the mesh, or what it is part of, is not shown. */
     this.layers = 0;
+    /** The origin that the library has it relative to. */
+    this.origin = null;
     /** Place of its matrix among those of all entries. */
     this.slot = slot;
     /** What holds the matrices of its instances, and the version that the library has. */
@@ -101,6 +104,22 @@ export function layersOf({ object, layers, many }, i) {
 /** Returns the shapes of an entry, each once for each instance that has it. */
 export function shapesOf({ shape, many }) {
   return many?.shapes ?? [shape];
+}
+
+/**
+ * Writes the matrix of an occluder of an entry, relative to the scene's origin, to `matrix`. Returns whether it may
+ * hide: it is placed well in its box, which is in `boxes` from `at` on, and hides from the side that is drawn.
+ */
+export function placeOccluder(entry, i, origin, boxes, at, matrix) {
+  const margin = place(entry, i, matrix);
+  const { elements } = matrix;
+  for (let k = 0; k < 3; k++) elements[12 + k] -= origin[k];
+  if (!isPlacedWell(boxes, at, matrix, margin)) return false;
+  if (entry.surface === Surface.Double) return true;
+  // The graphics card takes the front for the back if an instance is mirrored, beside its mesh.
+  const isMirrored =
+    entry.many !== null && !(matrix.determinant() * entry.object.matrixWorld.determinant() > 0);
+  return !isMirrored && isSideSure(matrix);
 }
 
 /** Returns what holds the matrices of instances. */

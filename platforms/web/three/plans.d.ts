@@ -14,7 +14,8 @@ export type Place = Object3D | { readonly x: number; readonly z: number };
 /**
  * Something that looks or is looked at: an object, by the box around its position and all meshes within it as they are
  * now, a point, or a box that is not empty. The box of a skinned mesh takes all its vertices, that of instances all their
- * matrices, at each call: for crowds give boxes.
+ * matrices, at each call: for crowds give boxes. A sprite counts with all ways that it may turn to; without
+ * `sizeAttenuation`, as if it were as large in the world.
  */
 export type Mover = Object3D | Vector3 | Box3;
 

@@ -6,8 +6,16 @@
 
 import { Box3, BufferAttribute, BufferGeometry, Layers, Matrix4, Vector3 } from "three";
 import { Flag, Opacity, load } from "visibility-web";
-import { isPlacedWell, moveBox, place } from "./boxes.js";
-import { hasInstances, hasMatrices, isApart, isCountedElsewhere, isUsual, partOf } from "./entries.js";
+import { moveBox, place } from "./boxes.js";
+import {
+  hasInstances,
+  hasMatrices,
+  isApart,
+  isCountedElsewhere,
+  isUsual,
+  partOf,
+  placeOccluder,
+} from "./entries.js";
 import { countOf } from "./instances.js";
 import { Shape, Surface, Surfaces, trianglesOf } from "./surfaces.js";
 
@@ -63,6 +71,19 @@ function isElsewhere(object) {
   return object.isInstancedMesh && !hasMatrices(object);
 }
 
+/** Returns the box around a sprite whichever way it turns. `rectangle` is that of its geometry. */
+function spriteBox({ center, matrixWorld }, { min, max }) {
+  const scale = new Vector3().setFromMatrixScale(matrixWorld);
+  // The sprite turns around its center, which is a point of the square from (0, 0) to (1, 1).
+  const reach = (axis) => {
+    const middle = center[axis] - 0.5;
+    return Math.max(Math.abs(min[axis] - middle), Math.abs(max[axis] - middle)) * scale[axis];
+  };
+  const radius = Math.hypot(reach("x"), reach("y"));
+  const place = new Vector3().setFromMatrixPosition(matrixWorld);
+  return new Box3(place.clone(), place).expandByScalar(radius);
+}
+
 /** Returns the box around an object and all within it, as they are now: without instances that are elsewhere. */
 function boxOf(object) {
   updateWorld(object);
@@ -74,7 +95,8 @@ function boxOf(object) {
     // `Box3.setFromObject` takes the box of bones and instances as they were when it was first asked for.
     const own = part.boundingBox === undefined ? part.geometry : part;
     if (own === part || own.boundingBox === null) own.computeBoundingBox();
-    box.union(own.boundingBox.clone().applyMatrix4(part.matrixWorld));
+    if (part.isSprite) box.union(spriteBox(part, own.boundingBox));
+    else box.union(own.boundingBox.clone().applyMatrix4(part.matrixWorld));
   });
   return box;
 }
@@ -361,7 +383,7 @@ export class CellSight {
 
 /** Puts a mesh that hides into a scene of the library. */
 function insert(scene, mesh, origin) {
-  const { object, surface, many, count } = mesh;
+  const { surface, many, count } = mesh;
   const matrix = new Matrix4();
   const bounds = new Float64Array(6);
   for (let i = 0; i < count; i++) {
@@ -369,13 +391,9 @@ function insert(scene, mesh, origin) {
     if (!shape?.box) continue;
     const margin = place(mesh, i, matrix);
     moveBox(bounds, 0, shape.box, matrix.elements, origin, margin);
-    // As in `VisibilityCulling`: the card takes the front for the back of an instance that is mirrored beside its mesh.
-    const isMirrored = many !== null && !(matrix.determinant() * object.matrixWorld.determinant() > 0);
-    if ((isMirrored && surface !== Surface.Double) || !isPlacedWell(bounds, 0, margin)) continue;
+    if (!placeOccluder(mesh, i, origin, bounds, 0, matrix)) continue;
     const id = shape.mesh(scene, surface, MOST_TRIANGLES);
     if (id === null) continue;
-    for (let k = 0; k < 3; k++) matrix.elements[12 + k] -= origin[k];
-    if (!matrix.elements.every((x) => Number.isFinite(Math.fround(x)))) continue;
     const min = bounds.slice(0, 3);
     const made = scene.insert({ bounds: { min, max: bounds.slice(3) } });
     scene.setMesh(made, id, matrix.elements);

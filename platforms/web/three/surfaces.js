@@ -11,13 +11,13 @@ import {
   Sphere,
   Vector3,
 } from "three";
-import { emptyBox } from "./boxes.js";
+import { addOccluderMesh, emptyBox } from "./boxes.js";
 
 /** What a mesh is to the culler. From `Front` on it hides others, from the sides that are named. */
 export const Surface = Object.freeze({ NeverHidden: 0, Hideable: 1, Front: 2, Back: 3, Double: 4 });
 
-/** Returns the surface of one material. */
-function surfaceOfOne(material) {
+/** Returns the surface of one material. `isReversed`: as cameras with reversed depth draw it. */
+function surfaceOfOne(material, isReversed) {
   const isHideable =
     // A shader of the user's own may move vertices, or draw in front of all else.
     !material.isShaderMaterial &&
@@ -31,7 +31,11 @@ function surfaceOfOne(material) {
     material.depthTest &&
     (material.depthFunc === LessEqualDepth || material.depthFunc === LessDepth) &&
     !material.stencilWrite &&
-    !(material.polygonOffset && (material.polygonOffsetFactor < 0 || material.polygonOffsetUnits < 0));
+    // Not what an offset brings nearer: with reversed depth that is a positive one in some versions of three.js.
+    !(
+      material.polygonOffset &&
+      (isReversed || material.polygonOffsetFactor < 0 || material.polygonOffsetUnits < 0)
+    );
   if (!isHideable) return Surface.NeverHidden;
   // Shaders that WebGPURenderer takes in place of a material's own.
   for (const key in material) if (key.endsWith("Node") && material[key]) return Surface.NeverHidden;
@@ -66,10 +70,12 @@ export function sideOf(materials) {
 export class Surfaces {
   #known = new WeakMap();
   #frame = 0;
+  #isReversed = false;
 
-  /** Forgets all: materials may have changed. */
-  begin() {
+  /** Forgets all: materials may have changed, and this frame's camera may have reversed depth. */
+  begin(isReversed = false) {
     this.#frame++;
+    this.#isReversed = isReversed;
   }
 
   /** Returns an object whose `surface` is that of a material, kept current by `refresh`. */
@@ -82,7 +88,7 @@ export class Surfaces {
   refresh(known) {
     if (known.frame !== this.#frame) {
       known.frame = this.#frame;
-      known.surface = surfaceOfOne(known.material);
+      known.surface = surfaceOfOne(known.material, this.#isReversed);
     }
     return known.surface;
   }
@@ -195,11 +201,12 @@ export class Shape {
     const made = trianglesOf(this, maxTriangles);
     if (made === null) return null;
     const { positions, indices } = made;
-    this.sphere ??= sphereOfPoints(positions, this.box);
     if (surface === Surface.Back) {
       for (let i = 0; i < indices.length; i += 3) [indices[i], indices[i + 1]] = [indices[i + 1], indices[i]];
     }
-    return scene.addMesh({ positions, indices, twoSided: surface === Surface.Double });
+    const mesh = addOccluderMesh(scene, { positions, indices, twoSided: surface === Surface.Double });
+    if (mesh !== null) this.sphere ??= sphereOfPoints(positions, this.box);
+    return mesh;
   }
 
   /** Frees the occluder meshes. */
@@ -211,8 +218,8 @@ export class Shape {
 
 /**
  * Returns the vertices and the triangles of a shape, for occluder meshes and plans: 3 numbers a vertex, 3 indices a
- * triangle. Null if it has none, more than `maxTriangles`, or such as cannot be read or are not finite: then nothing
- * of it hides.
+ * triangle. Null if it has none, more than `maxTriangles`, or such as cannot be read, are not finite or may not be
+ * drawn: then nothing of it hides.
  */
 export function trianglesOf({ position, index, drawRange, range }, maxTriangles) {
   if (drawRange.start !== 0 || drawRange.count !== Infinity || !isReadable(position)) return null;
@@ -232,11 +239,13 @@ export function trianglesOf({ position, index, drawRange, range }, maxTriangles)
     positions[3 * i + 2] = position.getZ(vertexStart + i);
   }
   const indices = new Uint32Array(3 * triangles);
+  // At the greatest index of its type, WebGL 2 begins a new primitive: no triangle from there on is what it seems.
+  const restart = index ? 2 ** (8 * index.array.BYTES_PER_ELEMENT) - 1 : Infinity;
   for (let i = 0; i < indices.length; i++) {
-    const vertex = (index ? index.getX(start + i) : start + i) - vertexStart;
+    const vertex = index ? index.getX(start + i) : start + i;
     // No triangle of a damaged geometry hides anything.
-    if (!(vertex >= 0 && vertex < vertexCount)) return null;
-    indices[i] = vertex;
+    if (!(vertex >= vertexStart && vertex < vertexStart + vertexCount && vertex !== restart)) return null;
+    indices[i] = vertex - vertexStart;
   }
   return positions.every(Number.isFinite) ? { positions, indices } : null;
 }

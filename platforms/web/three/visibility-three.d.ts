@@ -29,9 +29,15 @@ export interface CullingOptions {
    * is made for all within `metres` and `degrees` of that, and hides nothing from any other; nor after an
    * occluder has moved, changed or gone, until the next answer. So nothing is hidden by mistake, and less is
    * hidden than without. By default 0.25 m and 8 degrees. `port` is a worker of `visibility-web/late-worker.js`,
-   * if your program has started it; without, one is started.
+   * if your program has started it; without, one is started. `wasm` is the module that it takes, compiled or as bytes,
+   * where it cannot fetch that of the package: of a program that loads `visibility` by hand.
    */
-  worker?: { metres?: number; degrees?: number; port?: Worker | MessagePort };
+  worker?: {
+    metres?: number;
+    degrees?: number;
+    port?: Worker | MessagePort;
+    wasm?: WebAssembly.Module | BufferSource;
+  };
 }
 
 /** What the last culled frame was. Objects are meshes, or instances of meshes. */
@@ -48,15 +54,19 @@ export interface CullingStats {
   followMs: number;
   cullMs: number;
   applyMs: number;
-  /** With `worker`: whether its answer was used in this frame, why not, how old it is, and what it took. */
-  late?: { isUsed: boolean; reason: string; ageMs: number; workerMs: number };
+  /**
+   * With `worker`: whether its answer was used in this frame, why not, how old it is, and what it took. `refusal` is
+   * the last message of the worker, empty if there was none: a mesh that hides nothing, or why it does not work at all.
+   */
+  late?: { isUsed: boolean; reason: string; ageMs: number; workerMs: number; refusal: string };
 }
 
 /** Culls a scene for its cameras, each time that one of them draws it. */
 export class VisibilityCulling {
   /**
-   * Follows a scene from now on. Until the library is loaded, nothing is hidden. Throws a `TypeError` if
-   * `scene` is not a `THREE.Scene` or a camera is not a `THREE.Camera`.
+   * Follows a scene from now on. Until the library is loaded, nothing is hidden. A camera that another culling
+   * has for the scene is taken from it; a culling that has lost its last camera so is disposed of. Throws a
+   * `TypeError` if `scene` is not a `THREE.Scene` or a camera is not a `THREE.Camera`.
    */
   constructor(scene: Scene, cameras: Camera | readonly Camera[], options?: CullingOptions);
   readonly scene: Scene;

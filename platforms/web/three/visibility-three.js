@@ -14,7 +14,8 @@
 import { LOD, Matrix4 } from "three";
 import { Flag, indexOf, load } from "visibility-web";
 import { LateAnswers, LateScene, countBits, startWorker } from "visibility-web/late.js";
-import { EMPTY, isPlacedWell, moveBox, place, skinnedBox } from "./boxes.js";
+import { EMPTY, moveBox, place, skinnedBox } from "./boxes.js";
+import { hasDepth, originFor, releaseCamera, takeCamera, largeSize } from "./cameras.js";
 import {
   ALL,
   Entry,
@@ -30,6 +31,7 @@ import {
   layersOf,
   matricesOf,
   partOf,
+  placeOccluder,
   shapesOf,
 } from "./entries.js";
 import { canLeaveOut, countOf, leaveOutInstances, leaveOutOfBatch } from "./instances.js";
@@ -64,8 +66,10 @@ export class VisibilityCulling {
   /** Whether the last frame followed the scene to its end: a callback of the user's may throw. */
   #isFollowed = true;
   #frame = 0;
-  /** Point of the world that the library's coordinates are relative to. */
+  /** Point of the world that the library's coordinates are relative to. Another point is another array. */
   #origin = null;
+  /** Size of large occluders. */
+  #largeSize = Infinity;
   #surfaces = new Surfaces();
   /** By geometry: its shapes, by part. */
   #shapes = new WeakMap();
@@ -97,7 +101,7 @@ export class VisibilityCulling {
     const culling = this;
     scene.onBeforeRender = function (renderer, scene, camera, ...rest) {
       onBeforeRender.call(this, renderer, scene, camera, ...rest);
-      culling.#begin(renderer, camera);
+      culling.#begin(renderer, camera, rest[0]);
     };
     scene.onAfterRender = function (renderer, scene, camera, ...rest) {
       if (culling.#active?.camera === camera) culling.#end();
@@ -114,18 +118,21 @@ export class VisibilityCulling {
     const { worker } = this.#options;
     const scene = visibility.createScene();
     // `worker.port` is for programs that start the worker themselves.
-    this.#followed = worker ? new LateScene(scene, [worker.port ?? startWorker({ frames: true })]) : scene;
+    this.#followed = worker ? new LateScene(scene, [worker.port ?? startWorker({ frames: true, ...worker })]) : scene;
   }
 
   addCamera(camera, eye = camera) {
     if (!camera?.isCamera || !eye?.isCamera) throw new TypeError("`camera` is not a THREE.Camera");
-    const tools = this.#cameras.get(camera);
-    if (tools) tools.eye = eye;
-    else this.#cameras.set(camera, { eye });
+    if (this.#isDisposed) return;
+    const former = takeCamera(this.scene, camera, this);
+    if (former !== this) former?.removeCamera(camera);
+    if (former?.#cameras.size === 0) former.dispose();
+    this.#cameras.set(camera, { ...this.#cameras.get(camera), eye });
   }
 
   removeCamera(camera) {
     if (this.#active?.camera === camera) this.#end();
+    releaseCamera(this.scene, camera, this);
     const { view, pipeline, visible, late } = this.#cameras.get(camera) ?? {};
     for (const handle of [view, pipeline, visible, late]) handle?.destroy();
     this.#cameras.delete(camera);
@@ -150,25 +157,24 @@ export class VisibilityCulling {
 
   // Culling of a frame.
 
-  #begin(renderer, camera) {
+  #begin(renderer, camera, target) {
     // A frame that was not ended: the renderer threw, or this is a mirror's picture within it. If the frame
     // has not collected what it draws, it is not culled any more.
     if (this.#active?.camera === camera || this.#active?.isCollected === false) this.#end();
     else if (this.#active) this.#collected();
     if (this.#active || !this.enabled || !this.#visibility || !this.#cameras.has(camera)) return;
     const { scene } = this;
-    if (camera.isArrayCamera || scene.overrideMaterial || renderer.opaque === false) return;
+    if (camera.isArrayCamera || scene.overrideMaterial || renderer.opaque === false || !hasDepth(renderer, target)) return;
     const start = performance.now();
     const tools = this.#tools(camera);
     const { eye } = tools;
-    this.#origin ??= camera.matrixWorld.elements
-      .slice(12, 15)
-      .map((x) => (Number.isFinite(x) ? Math.round(x) : 0));
+    this.#origin = originFor(eye, [...this.#cameras.values()], this.#origin, this.#largeSize);
     // WebGPURenderer has no planes of its own.
     const planes = (renderer.isWebGLRenderer && renderer.clippingPlanes) || [];
     this.#isClipped = planes.length > 0;
     tools.how = setView(tools.view, eye, this.#origin, planes);
     if (tools.how === null) return;
+    this.#surfaces.begin(camera.reversedDepth === true);
     this.#follow(camera);
     const followed = performance.now();
     const { occluders, visible, isVisible } = this.#cull(tools);
@@ -182,7 +188,7 @@ export class VisibilityCulling {
       followMs: followed - start,
       cullMs: culled - followed,
       applyMs: performance.now() - culled,
-      late: tools.late?.stats,
+      late: tools.late && { ...tools.late.stats, refusal: this.#followed.refusals.at(-1) ?? "" },
     });
   }
 
@@ -244,7 +250,6 @@ export class VisibilityCulling {
 
   #follow(camera) {
     this.#frame++;
-    this.#surfaces.begin();
     this.#met = 0;
     this.#newTriangles = MOST_NEW_TRIANGLES;
     this.#isSameOrder = this.#isFollowed;
@@ -310,7 +315,7 @@ export class VisibilityCulling {
     }
     if (entry.count === 0) return;
     if (layers !== entry.layers || entry.many?.layers) this.#setLayers(entry, layers);
-    if (this.#hasMoved(entry) || object.isSkinnedMesh) this.#moved.push(entry);
+    if (entry.origin !== this.#origin || this.#hasMoved(entry) || object.isSkinnedMesh) this.#moved.push(entry);
     else if (entry.waits) this.#setMeshes(entry);
   }
 
@@ -336,8 +341,9 @@ export class VisibilityCulling {
     return present !== matrices || present.version !== version;
   }
 
-  /** Keeps the matrix of a mesh, and the version of the matrices of its instances. */
+  /** Keeps the matrix of a mesh, the origin that it is relative to, and the version of its instances' matrices. */
   #keep(entry) {
+    entry.origin = this.#origin;
     this.#worlds.set(entry.object.matrixWorld.elements, 16 * entry.slot);
     if (entry.many === null) return;
     entry.matrices = matricesOf(entry.object);
@@ -489,11 +495,13 @@ export class VisibilityCulling {
       at += entry.count;
     }
     this.#added.length = 0;
+    this.#largeSize = largeSize(this.#order, this.#followed);
     if (2 * count > this.#followed.count) this.#followed.rebuild();
   }
 
   /**
-   * Tells the library of the entries that have moved. They hide nothing until they stand still for a frame.
+   * Tells the library of the entries that have moved, or are to be placed relative to another origin. Those that have
+   * moved hide nothing until they stand still for a frame.
    */
   #move() {
     if (this.#moved.length === 0) return;
@@ -506,10 +514,16 @@ export class VisibilityCulling {
       at += entry.count;
     }
     this.#followed.setAllBounds(ids, boxes);
+    at = 0;
     for (const entry of this.#moved) {
+      const hasMoved = this.#hasMoved(entry);
       this.#keep(entry);
-      // The entry's occluder meshes are at its former place, also if it has turned within the same box.
-      if (entry.surface > Surface.Hideable && !entry.waits) this.#stopHiding(entry);
+      if (entry.surface > Surface.Hideable && !entry.waits) {
+        // The entry's occluder meshes are at its former place, also if it has turned within the same box.
+        this.#stopHiding(entry);
+        if (!hasMoved) this.#setMeshes(entry, boxes, at);
+      }
+      at += 6 * entry.count;
     }
     this.#moved.length = 0;
   }
@@ -539,7 +553,7 @@ export class VisibilityCulling {
 
   /** Gives an entry its occluder meshes. `boxes` are its boxes, from `at` on, if they are known. */
   #setMeshes(entry, boxes, at = 0) {
-    const { object, shape, many, surface, ids, count } = entry;
+    const { shape, many, surface, ids, count } = entry;
     entry.waits = false;
     if (surface <= Surface.Hideable) return;
     const { maxOccluderTriangles } = this.#options;
@@ -551,10 +565,7 @@ export class VisibilityCulling {
     if (!boxes) this.#boxes(entry, (boxes = new Float64Array(6 * count)), 0);
     for (let i = 0; i < count; i++) {
       const own = many?.shapes?.[i] ?? shape;
-      if (own.box === EMPTY || !isPlacedWell(boxes, at + 6 * i, place(entry, i, matrix))) continue;
-      // The graphics card takes the front for the back if an instance is mirrored, beside its mesh.
-      const isMirrored = many !== null && !(matrix.determinant() * object.matrixWorld.determinant() > 0);
-      if (isMirrored && surface !== Surface.Double) continue;
+      if (own.box === EMPTY || !placeOccluder(entry, i, this.#origin, boxes, at + 6 * i, matrix)) continue;
       if (isToMake(own)) {
         // The entry hides nothing before all of it does.
         if (this.#newTriangles <= 0) return this.#stopHiding(entry);
@@ -562,8 +573,6 @@ export class VisibilityCulling {
       }
       const mesh = own.mesh(this.#followed, surface, maxOccluderTriangles);
       if (mesh === null) continue;
-      for (let k = 0; k < 3; k++) matrix.elements[12 + k] -= this.#origin[k];
-      if (!matrix.elements.every((x) => Number.isFinite(Math.fround(x)))) continue;
       this.#followed.setMesh(ids[i], mesh, matrix.elements);
       this.#followed.setFlags(ids[i], Flag.Occluder);
     }

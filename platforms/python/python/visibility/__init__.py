@@ -6,13 +6,14 @@ Calls run without the interpreter's lock, so that threads run side by side.
 
 - Terrain: :func:`viewshed`, :func:`viewshed_count`, :func:`hidden_heights`.
 - Floor plans: :class:`Plan`, :class:`UnseenRegion`.
-- Scenes: :class:`Scene`, :class:`View`, :class:`BakedSet`.
+- Scenes: :class:`Scene`, :class:`View`, :class:`Cells`, :class:`BakedSet`.
 
 Nothing that is visible is ever reported as hidden by mistake; each function says what "visible" means.
 """
 
 from ._visibility import (
     BakedSet,
+    Cells,
     UnseenRegion,
     View,
     hidden_heights,
@@ -24,6 +25,7 @@ from .scene import Scene
 
 __all__ = [
     "BakedSet",
+    "Cells",
     "Plan",
     "Scene",
     "UnseenRegion",

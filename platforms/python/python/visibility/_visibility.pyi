@@ -15,6 +15,8 @@ Heights = NDArray[np.float64] | NDArray[np.float32] | NDArray[np.int16] | Sequen
 Point2 = Sequence[float] | NDArray[np.float64]
 Point3 = Sequence[float] | NDArray[np.float64]
 Boxes = NDArray[np.float64] | Sequence[object]
+# What removes hidden objects from those in the view: see Scene.cull. Axes up: z of "horizon", y of "horizon_y".
+Culler = Literal["z_buffer", "horizon", "horizon_y", "occlusion_tree"] | Cells
 
 def viewshed(
     heights: Heights,  # (rows, columns)
@@ -141,12 +143,15 @@ class Scene:
     @property
     def bounds(self) -> NDArray[np.float64]: ...  # (n, 2, 3)
     def join_occluders(self) -> int: ...
+    def make_cells(self, *, max_cells: int = 16384) -> Cells: ...
     @overload
     def cull(
-        self, view: View, *, occlusion: bool = True, mask: Literal[False] = False
+        self, view: View, *, occlusion: bool | Culler | Sequence[Culler] = True, mask: Literal[False] = False
     ) -> NDArray[np.uint32]: ...  # (k,)
     @overload
-    def cull(self, view: View, *, occlusion: bool = True, mask: Literal[True]) -> NDArray[np.bool_]: ...  # (n,)
+    def cull(
+        self, view: View, *, occlusion: bool | Culler | Sequence[Culler] = True, mask: Literal[True]
+    ) -> NDArray[np.bool_]: ...  # (n,)
     def seen_from_region(self, region: Floats) -> NDArray[np.uint32]: ...  # (2, 3) -> (k,)
     def prove_from_region(
         self, region: Floats, *, clearance: float = 1e-4
@@ -163,6 +168,32 @@ class Scene:
     def compare(
         self, view: View, ids: Indices, size: tuple[int, int] = (640, 360)
     ) -> tuple[NDArray[np.uint32], int]: ...
+
+@final
+class Cells:
+    def __new__(
+        cls,
+        boxes: Boxes,  # (n, 2, 3)
+        portals: Sequence[Floats],  # m arrays, each (k, 3)
+        joins: Indices,  # (m, 2)
+        *,
+        planes: Sequence[Floats] | None = None,  # n arrays, each (k, 4)
+        tolerance: float = 1e-6,
+    ) -> Cells: ...
+    @staticmethod
+    def read_prt(
+        text: str,
+    ) -> tuple[int, list[NDArray[np.float64]], NDArray[np.uint32]]: ...  # cells, m arrays (k, 3), (m, 2)
+    def __len__(self) -> int: ...
+    @property
+    def portals(self) -> list[NDArray[np.float64]]: ...  # m arrays, each (k, 3)
+    @property
+    def joins(self) -> NDArray[np.uint32]: ...  # (m, 2)
+    def locate(self, points: Floats) -> NDArray[np.int64]: ...  # (n, 3) -> (n,)
+    def set_open(self, portal: int, open: bool) -> None: ...
+    def set_passage(self, portal: int, passage: Literal["both", "forward", "backward"]) -> None: ...
+    def sees(self, a: Indices, b: Indices) -> NDArray[np.bool_]: ...  # (n,), (n,) -> (n,)
+    def bake(self) -> None: ...
 
 @final
 class BakedSet:

@@ -129,13 +129,14 @@ function drawMeasured() {
   const elapsed = (performance.now() - measured.begun) / 1000;
   if (elapsed < seconds) return;
   const { calls, triangles } = renderer.info.render;
-  const { hidden, followMs, cullMs, applyMs } = culling.stats;
+  const { hidden, followMs, cullMs, applyMs, late: { reason = "" } = {} } = culling.stats;
   const ms = times.slice().sort((a, b) => a - b)[times.length >> 1];
   const fps = times.length / elapsed;
   state[side].fps = fps;
   const { late, resolve } = measured;
   measured = null;
-  resolve({ fps, ms, calls, triangles, hidden, frames: times.length, late, cullingMs: followMs + cullMs + applyMs });
+  const cullingMs = followMs + cullMs + applyMs;
+  resolve({ fps, ms, calls, triangles, hidden, frames: times.length, late, reason, cullingMs });
 }
 
 /** Number of pixels that differ if an object is left out by mistake as well: for tests that mistakes are seen. */

@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import * as THREE from "three";
 import { load } from "visibility-web";
-import { serve } from "visibility-web/late-worker.js";
+import { serve, serveLoaded } from "visibility-web/late-worker.js";
 import { seenBy } from "./oracle.js";
 import { render } from "./renderer.js";
 import { BOX, culled, grey, perspective, randomOf, street } from "./scenes.js";
@@ -65,6 +65,58 @@ test("a lamp that comes out from behind the wall is drawn at once, and so is one
   scene.remove(lamp);
   scene.add(other);
   assert.ok(render(scene, camera).drawn.has(other, 0), "a new lamp, which has the index of the former");
+  culling.dispose();
+});
+
+test("a flight to a far place shows what is there at once, and hides there by its own answers", async () => {
+  const { scene, camera } = street();
+  // The eye of the other street is as far from its wall: relative to the eye, both cameras are the same.
+  const far = street();
+  const place = new THREE.Group().add(...far.scene.children);
+  place.position.x = 1 << 20;
+  scene.add(place);
+  // In the first street this is beside the view, so that no answer for it has it.
+  const near = new THREE.Mesh(BOX, grey());
+  near.position.z = -5;
+  place.add(near);
+  const { port, deliver } = lateWorker();
+  const culling = await culled(scene, camera, { worker: { port } });
+  const settle = () => (deliver(), deliver());
+  render(scene, camera);
+  settle();
+  render(scene, camera);
+  assert.ok(culling.stats.late.isUsed, "in the first street");
+  camera.position.x = place.position.x;
+  const { drawn } = render(scene, camera);
+  assert.ok(drawn.has(near, 0) && drawn.has(far.lamp, 0), "as nothing is known there");
+  settle();
+  render(scene, camera);
+  settle();
+  const after = render(scene, camera).drawn;
+  assert.deepEqual([after.has(near, 0), after.has(far.lamp, 0)], [true, false], "by an answer for there");
+  culling.dispose();
+});
+
+test("a worker without a library hides nothing, answers, and its reason is in the counters", async () => {
+  const { scene, lamp, camera } = street();
+  const [near, far] = [{}, {}];
+  const sent = [];
+  near.postMessage = (data) => sent.push([far, data]);
+  far.postMessage = (data) => sent.push([near, structuredClone(data)]);
+  near.close = () => {};
+  const held = [];
+  far.onmessage = null;
+  const started = serveLoaded(far, Promise.reject(new Error("no module here")));
+  const culling = await culled(scene, camera, { worker: { port: near } });
+  for (let frame = 0; frame < 200; frame++) {
+    assert.ok(render(scene, camera).drawn.has(lamp, 0), `frame ${frame}`);
+    await started;
+    for (const [port, data] of sent.splice(0)) (held.push(data), port.onmessage({ data }));
+  }
+  assert.ok(held.filter(({ answer }) => answer).length > 50, "answers");
+  const { isUsed, refusal } = culling.stats.late;
+  assert.equal(isUsed, false);
+  assert.match(refusal, /no module here/);
   culling.dispose();
 });
 

@@ -231,6 +231,29 @@ test("polygons make a plan; bodies count with their boxes", async () => {
   assert.equal(empty.sees(at(0, 0), at(5, 5)), true);
 });
 
+test("a sprite counts with all directions that it may turn to", async () => {
+  const corners = [at(-5, -5), at(5, -5), at(5, 5), at(-5, 5)];
+  const room = await ScenePlan.ofPolygons([corners], { height: HEIGHT, visibility });
+  const eye = at(0, 0);
+  // Outside of the room, 0.8 m from its wall.
+  for (const [width, height, center, isSeen] of [
+    [1, 1, [0.5, 0.5], false],
+    [3, 1, [0.5, 0.5], true],
+    [0.82, 0.1, [0, 0.5], true],
+    [0.1, 0.82, [0.5, 1], true],
+    [0.7, 0.1, [1, 0.5], false],
+    [0.08, 0.1, [9, 0.5], false],
+    [0.1, 0.1, [9, 0.5], true],
+  ]) {
+    const sprite = new THREE.Sprite();
+    sprite.position.copy(at(0, 5.8));
+    sprite.scale.set(width, height, 1);
+    sprite.center.set(...center);
+    assert.equal(room.whoSees([eye], [sprite]).sees(eye, sprite), isSeen, `${width} x ${height} around ${center}`);
+  }
+  room.dispose();
+});
+
 /** Objects that are in the left of two rooms, and how they come into the right one without a frame between. */
 const MOVES = {
   "an object whose parent moves": () => {

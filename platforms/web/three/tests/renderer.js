@@ -8,10 +8,10 @@ const RENDERER = { isWebGLRenderer: true, clippingPlanes: [] };
 /**
  * Draws a scene. Returns what is drawn for the camera, for shadows, and in `within`, called amid the drawing.
  */
-export function render(scene, camera, { shadows, within, renderer = RENDERER } = {}) {
+export function render(scene, camera, { shadows, within, renderer = RENDERER, target = null } = {}) {
   if (scene.matrixWorldAutoUpdate) scene.updateMatrixWorld();
   if (camera.parent === null && camera.matrixWorldAutoUpdate) camera.updateMatrixWorld();
-  scene.onBeforeRender(renderer, scene, camera, null);
+  scene.onBeforeRender(renderer, scene, camera, target);
   const frustum = frustumOf(camera);
   const list = [];
   const uploaded = new Map();

@@ -56,6 +56,68 @@ test("a picture that is mirrored, or whose depth runs backwards, is not culled",
   }
 });
 
+test("a target without depth is not culled: there the last that is drawn is seen", async () => {
+  const { scene, lamp, camera } = street();
+  const culling = await culled(scene, camera);
+  const usual = { isWebGLRenderer: true, clippingPlanes: [], getContextAttributes: () => ({ depth: true }) };
+  const flat = { ...usual, getContextAttributes: () => ({ depth: false }) };
+  const target = new THREE.RenderTarget(8, 8);
+  const flatTarget = new THREE.RenderTarget(8, 8, { depthBuffer: false });
+  for (const [name, renderer, to, isCulled] of [
+    ["a picture with depth", usual, null, true],
+    ["a target with depth", usual, target, true],
+    ["a target without", usual, flatTarget, false],
+    ["a picture without", flat, null, false],
+    ["a target with depth of a renderer without", flat, target, true],
+    ["a picture of WebGPURenderer without", { depth: false }, null, false],
+    ["a picture of WebGPURenderer", { depth: true }, null, true],
+    ["a context that is lost", { ...usual, getContextAttributes: () => null }, null, true],
+  ]) {
+    const { drawn } = render(scene, camera, { renderer, target: to });
+    assert.equal(drawn.has(lamp, 0), !isCulled, name);
+  }
+  culling.dispose();
+});
+
+test("with reversed depth an offset either way may bring a mesh before the wall", async () => {
+  for (const isReversed of [true, false]) {
+    for (const units of [4, -4, 0]) {
+      const material = Object.assign(grey(), { polygonOffset: true, polygonOffsetUnits: units });
+      const made = street({ lamp: new THREE.Mesh(BOX, material) });
+      made.camera._reversedDepth = isReversed;
+      made.camera.updateProjectionMatrix();
+      const isShown = isReversed || units < 0;
+      assert.equal(await isLampDrawn(made), isShown, `reversed ${isReversed}, units ${units}`);
+    }
+  }
+});
+
+test("a second culling of a camera takes it from the first, as after a hot reload", async () => {
+  const { scene, wall, lamp, camera } = street();
+  const other = perspective();
+  const before = Object.hasOwn(scene, "onBeforeRender");
+  const first = await culled(scene, [camera, other]);
+  const isBoth = () => [camera, other].map((each) => isDrawn(scene, each, lamp));
+  assert.deepEqual(isBoth(), [false, false], "by the first");
+  const second = await culled(scene, camera);
+  for (let frame = 0; frame < 3; frame++) {
+    assert.deepEqual(isBoth(), [false, false], `frame ${frame}`);
+    assert.ok(isDrawn(scene, camera, wall), `frame ${frame}: the wall is drawn`);
+    assert.deepEqual([lamp.layers.mask, scene.children.length], [1, 2], `frame ${frame}: all is put back`);
+  }
+  first.enabled = false;
+  assert.deepEqual(isBoth(), [false, true], "each camera by one");
+  const third = await culled(scene, [camera, other]);
+  assert.deepEqual(isBoth(), [false, false], "by the third");
+  assert.equal(scene.onBeforeRender === THREE.Object3D.prototype.onBeforeRender, false);
+  second.addCamera(other);
+  assert.deepEqual(isBoth(), [false, false], "a culling that was disposed of takes no camera");
+  third.dispose();
+  for (const culling of [first, second]) culling.dispose();
+  assert.deepEqual(isBoth(), [true, true], "by none");
+  assert.ok(before || scene.onBeforeRender === THREE.Object3D.prototype.onBeforeRender, "callbacks are as they were");
+});
+
 test("a number of instances that is no count is taken as WebGL takes it", async () => {
   for (const [count, shown] of [
     [2.5, 2],
