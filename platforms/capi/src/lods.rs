@@ -110,8 +110,8 @@ pub unsafe extern "C" fn vis_lods_set_distance_eye(lods: *mut vis_lods, eye: *co
 /// Gives `count` objects the same levels of detail, those of their mesh, for `vis_lods_select`: `sizes` are
 /// the sizes in pixels that divide the levels, at most 255, positive and finite. With 200 and 50, level 0 is
 /// for 200 pixels and more, level 1 for 50 and more, level 2 for all below. Without sizes, as for new
-/// objects, the level is 0. Each different list of sizes is kept as long as the scene. If an id is unknown,
-/// nothing changes.
+/// objects, the level is 0. Each different list of sizes that an object is given is kept as long as the
+/// scene, also once no object has it. If an id is unknown, nothing changes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_scene_set_lod_sizes(
     scene: *mut vis_scene,

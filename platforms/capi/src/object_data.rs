@@ -37,6 +37,12 @@ impl Entry {
     }
 }
 
+/// Returns an error if an object is not in the scene.
+fn check(scene: &Scene, ids: &[u64]) -> Result<(), SceneError> {
+    let unknown = ids.iter().map(|&id| ObjectId::from_bits(id)).find(|&id| !scene.contains(id));
+    unknown.map_or(Ok(()), |id| Err(SceneError::UnknownObject(id)))
+}
+
 impl ObjectData {
     fn get(&self, id: ObjectId) -> Option<&Entry> {
         self.entries.get(id.index()).filter(|entry| entry.id == id)
@@ -53,19 +59,15 @@ impl ObjectData {
         self.get(id).map_or(0, |entry| entry.key)
     }
 
-    /// Calls `change` with the entry of each object and its element of `values`. An error, and no call, if an
-    /// object is not in the scene.
+    /// Calls `change` with the entry of each object and its element of `values`. All objects are in the
+    /// scene.
     fn change<T>(
         &mut self,
         scene: &Scene,
         ids: &[u64],
         values: impl IntoIterator<Item = T>,
         mut change: impl FnMut(&mut Entry, T),
-    ) -> Result<(), SceneError> {
-        let unknown = ids.iter().map(|&id| ObjectId::from_bits(id)).find(|&id| !scene.contains(id));
-        if let Some(id) = unknown {
-            return Err(SceneError::UnknownObject(id));
-        }
+    ) {
         if self.entries.len() < scene.index_limit() {
             self.entries.resize(scene.index_limit(), Entry::new(ObjectId::PLACEHOLDER));
         }
@@ -77,18 +79,21 @@ impl ObjectData {
             }
             change(entry, value);
         }
-        Ok(())
     }
 
     /// Gives objects the same sizes. An error, and no change, if an object is not in the scene.
     pub(crate) fn set_sizes(&mut self, scene: &Scene, ids: &[u64], sizes: &[f32]) -> Result<(), SceneError> {
-        let place = self.place_of(sizes);
-        self.change(scene, ids, repeat(place), |entry, place| entry.sizes = place)
+        check(scene, ids)?;
+        let place = if ids.is_empty() { None } else { self.place_of(sizes) };
+        self.change(scene, ids, repeat(place), |entry, place| entry.sizes = place);
+        Ok(())
     }
 
     /// Gives each object its key. An error, and no change, if an object is not in the scene.
     pub(crate) fn set_keys(&mut self, scene: &Scene, ids: &[u64], keys: &[u32]) -> Result<(), SceneError> {
-        self.change(scene, ids, keys, |entry, &key| entry.key = key)
+        check(scene, ids)?;
+        self.change(scene, ids, keys, |entry, &key| entry.key = key);
+        Ok(())
     }
 
     /// Returns the place of a list of sizes in `lists`, where it is stored unless it is there already. `None`
@@ -104,5 +109,26 @@ impl ObjectData {
             lists.len() - 1
         });
         u32::try_from(place).ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Aabb;
+
+    /// Lists of sizes stay as long as the scene, so lists that no object was given are not stored.
+    #[test]
+    fn refused_sizes_are_not_kept() {
+        let (mut scene, mut data) = (Scene::new(), ObjectData::default());
+        let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3])).to_bits();
+        assert!(data.set_sizes(&scene, &[id, id + 1], &[9.0]).is_err(), "an unknown object");
+        assert!(data.set_sizes(&scene, &[], &[8.0]).is_ok(), "no object");
+        assert_eq!((data.lists.len(), data.places.len()), (0, 0), "lists of no object");
+        for sizes in [[7.0], [6.0], [7.0]] {
+            data.set_sizes(&scene, &[id], &sizes).expect("an object of the scene");
+            assert_eq!(data.sizes(ObjectId::from_bits(id)), sizes, "the sizes of the object");
+        }
+        assert_eq!((data.lists.len(), data.places.len()), (2, 2), "each different list once");
     }
 }
