@@ -506,8 +506,8 @@ enum vis_status vis_lods_set_distance_eye(struct vis_lods *lods, const double *e
 // Gives `count` objects the same levels of detail, those of their mesh, for `vis_lods_select`: `sizes` are
 // the sizes in pixels that divide the levels, at most 255, positive and finite. With 200 and 50, level 0 is
 // for 200 pixels and more, level 1 for 50 and more, level 2 for all below. Without sizes, as for new
-// objects, the level is 0. Each different list of sizes is kept as long as the scene. If an id is unknown,
-// nothing changes.
+// objects, the level is 0. Each different list of sizes that an object is given is kept as long as the
+// scene, also once no object has it. If an id is unknown, nothing changes.
 enum vis_status vis_scene_set_lod_sizes(struct vis_scene *scene,
                                         const uint64_t *ids,
                                         size_t count,
@@ -642,8 +642,9 @@ enum vis_status vis_pipeline_add_contribution(struct vis_pipeline *pipeline,
 // Changes the contribution culling that was added last for later frames: the height of the pictures and the
 // least size, as for `vis_pipeline_add_contribution`, and the point of the world, 3 finite coordinates, from
 // which the distances of draw ranges and HLOD parents are measured; null for the view's own eye. A view of a
-// light or a mirror gets the eye of the camera, so that it shows the objects that the camera shows. Returns
-// `VIS_ERROR_STATE` if the pipeline has no contribution culling.
+// light gets the eye of the camera, so that it shows the objects that the camera shows; the reflections of
+// `vis_pipeline_add_reflections` have it anyway. Returns `VIS_ERROR_STATE` if the pipeline has no
+// contribution culling.
 enum vis_status vis_pipeline_set_contribution(struct vis_pipeline *pipeline,
                                               double picture_height,
                                               double min_pixels,
@@ -1272,26 +1273,33 @@ enum vis_status vis_reflections_create(const struct vis_cells *cells,
 void vis_reflections_destroy(struct vis_reflections *reflections);
 
 // Appends portal culling as `vis_pipeline_add_portals` does, which also finds the reflections. They are
-// those of the pipeline's last frame, so each pipeline needs reflections of its own. Conservative.
+// those of the pipeline's last frame, so each pipeline needs reflections of its own. Conservative. If the
+// pipeline has contribution culling, it culls what mirrors show as well, by sizes in the mirror and
+// distances from the eye of the camera, so that mirrors show the objects that the camera shows.
 enum vis_status vis_pipeline_add_reflections(struct vis_pipeline *pipeline,
                                              const struct vis_reflections *reflections);
 
 // Writes the reflections of the last frame, like `vis_visible_ids`. They are numbered from 0 in this order;
-// each comes after the one that it is seen in. None before the first frame.
+// each comes after the one that it is seen in. None before the first frame. In the next frame, a number may
+// be that of another mirror: levels of detail of a mirror need a `vis_lods` for each chain of mirrors, from
+// `parent` to `parent`, or `vis_lods_reset` before each other chain.
 enum vis_status vis_reflections_list(const struct vis_reflections *reflections,
                                      struct vis_reflection *list,
                                      size_t capacity,
                                      size_t *count);
 
 // Writes how many mirrors were seen in the last frame and have no reflection, since there were more than
-// `vis_reflections_create` allows, or since the reflected matrix was no view.
+// `vis_reflections_create` allows, or since the reflected matrix was no view. Also counts each mirror that
+// has a reflection in which no mirrors are looked for, since its eye is unknown.
 enum vis_status vis_reflections_left_out(const struct vis_reflections *reflections, uint32_t *count);
 
 // Reads one of the reflections of `vis_reflections_list`. Sets `view` to the view to draw it with, to the
 // pixels that the mirror covers: `vis_view_matrix` and `vis_view_clip_planes` have its matrix and its clip
 // plane, which cuts away what is behind the mirror. The view mirrors space, so triangles change their
-// winding. Sets `visible` to the objects to draw in it, as `vis_pipeline_cull` would, without changes since
-// earlier frames. Conservative. Returns `VIS_ERROR_UNKNOWN_ID` for a number beyond the last.
+// winding. Sets `visible` to the objects to draw in it, as they were at the end of the frame. A set with
+// changes has none then, and begins anew: its next frame lists all its objects as newly visible.
+// Conservative, but for what contribution culling removes. Returns `VIS_ERROR_UNKNOWN_ID` for a number
+// beyond the last.
 enum vis_status vis_reflections_read(const struct vis_reflections *reflections,
                                      uint32_t number,
                                      struct vis_view *view,

@@ -16,6 +16,30 @@ impl Contribution {
         let settings = (picture_height, min_pixels, distance_eye);
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = settings;
     }
+
+    /// Sets a culler to these settings. Distances are measured from `eye` if the settings have no point; with
+    /// neither, from the view's own eye.
+    pub(crate) fn apply(&self, culler: &mut ContributionCuller, eye: Option<DVec3>) {
+        let (picture_height, min_pixels, distance_eye) =
+            *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        culler.set_picture_height(picture_height);
+        culler.set_min_pixels(min_pixels);
+        culler.set_distance_eye(distance_eye.or(eye));
+    }
+}
+
+/// Settings of the contribution culling that was added last to a pipeline. `None` if there is none.
+#[derive(Debug, Default)]
+pub(crate) struct LastContribution(Mutex<Option<Arc<Contribution>>>);
+
+impl LastContribution {
+    pub(crate) fn get(&self) -> Option<Arc<Contribution>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    pub(crate) fn set(&self, settings: Arc<Contribution>) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(settings);
+    }
 }
 
 /// A [`ContributionCuller`] that takes its settings anew in each frame.
@@ -47,20 +71,33 @@ impl Culler for FollowingContribution {
     }
 
     fn follows_sizes(&self) -> bool {
-        self.culler.follows_sizes()
+        // By the settings of the next frame: the culler has those of the last.
+        let mut culler = ContributionCuller::new(0.0, 0.0);
+        self.settings.apply(&mut culler, None);
+        culler.follows_sizes()
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        let settings = self.settings.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let (picture_height, min_pixels, distance_eye) = *settings;
-        drop(settings);
-        self.culler.set_picture_height(picture_height);
-        self.culler.set_min_pixels(min_pixels);
-        self.culler.set_distance_eye(distance_eye);
+        self.settings.apply(&mut self.culler, None);
         self.culler.cull(scene, view, visible)
     }
 
     fn reset(&mut self) {
         self.culler.reset();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_followed_by_the_settings_of_the_next_frame() {
+        let (culler, settings) = FollowingContribution::new(1080.0, 0.0);
+        assert!(!culler.follows_sizes(), "no object is too small");
+        settings.set(1080.0, 2.0, None);
+        assert!(culler.follows_sizes(), "from the next frame on, small objects are removed");
+        settings.set(0.0, 2.0, None);
+        assert!(!culler.follows_sizes(), "without a height of the picture, no object is too small");
     }
 }

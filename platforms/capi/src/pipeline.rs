@@ -1,6 +1,6 @@
 //! Pipelines: the cullers of one view, and their counters of the last frame.
 
-use crate::contribution::{Contribution, FollowingContribution};
+use crate::contribution::{FollowingContribution, LastContribution};
 use crate::error::{Error, border, vis_status};
 use crate::handle::Guarded;
 use crate::numbers::finite;
@@ -11,23 +11,19 @@ use crate::view::{optional_point, vis_view};
 use crate::visible::vis_visible;
 use std::ffi::c_char;
 use std::fmt::Write;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use visibility_core::view::Reach;
 use visibility_core::{Accuracy, Culler, FrustumCuller, ObjectId, Pipeline};
 use visibility_hzb::{Hzb, HzbCuller};
 
 /// Pipeline: the cullers of one view in the order in which they were added, with their state from earlier
 /// frames. Two eyes, or two players, need two pipelines over one scene.
-pub struct vis_pipeline(Guarded<Pipeline>, Mutex<Option<Arc<Contribution>>>);
+pub struct vis_pipeline(Guarded<Pipeline>, Arc<LastContribution>);
 
 impl vis_pipeline {
-    /// Returns the settings of the contribution culling that was added last. `None` if there is none.
-    fn contribution(&self) -> Option<Arc<Contribution>> {
-        self.1.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
-    fn set_contribution(&self, settings: Arc<Contribution>) {
-        *self.1.lock().unwrap_or_else(PoisonError::into_inner) = Some(settings);
+    /// Returns the settings of the contribution culling that was added last, for stages that follow them.
+    pub(crate) fn contribution(&self) -> &Arc<LastContribution> {
+        &self.1
     }
 }
 
@@ -51,7 +47,7 @@ pub unsafe extern "C" fn vis_pipeline_create(pipeline: *mut *mut vis_pipeline) -
     border(|| {
         // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let place = unsafe { out(pipeline, "pipeline") }?;
-        create(place, vis_pipeline(Guarded::new(Pipeline::new()), Mutex::new(None)));
+        create(place, vis_pipeline(Guarded::new(Pipeline::new()), Arc::default()));
         Ok(())
     })
 }
@@ -100,7 +96,7 @@ pub unsafe extern "C" fn vis_pipeline_add_contribution(
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe { push(pipeline, culler) }?;
         // SAFETY: as before.
-        unsafe { reference(pipeline, "pipeline") }?.set_contribution(settings);
+        unsafe { reference(pipeline, "pipeline") }?.contribution().set(settings);
         Ok(())
     })
 }
@@ -108,8 +104,9 @@ pub unsafe extern "C" fn vis_pipeline_add_contribution(
 /// Changes the contribution culling that was added last for later frames: the height of the pictures and the
 /// least size, as for `vis_pipeline_add_contribution`, and the point of the world, 3 finite coordinates, from
 /// which the distances of draw ranges and HLOD parents are measured; null for the view's own eye. A view of a
-/// light or a mirror gets the eye of the camera, so that it shows the objects that the camera shows. Returns
-/// `VIS_ERROR_STATE` if the pipeline has no contribution culling.
+/// light gets the eye of the camera, so that it shows the objects that the camera shows; the reflections of
+/// `vis_pipeline_add_reflections` have it anyway. Returns `VIS_ERROR_STATE` if the pipeline has no
+/// contribution culling.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_set_contribution(
     pipeline: *mut vis_pipeline,
@@ -125,7 +122,7 @@ pub unsafe extern "C" fn vis_pipeline_set_contribution(
         // Refused while the pipeline culls.
         let _alone = pipeline.0.write()?;
         let none = || Error::new(vis_status::VIS_ERROR_STATE, "the pipeline has no contribution culling");
-        pipeline.contribution().ok_or_else(none)?.set(picture_height, min_pixels, distance_eye);
+        pipeline.contribution().get().ok_or_else(none)?.set(picture_height, min_pixels, distance_eye);
         Ok(())
     })
 }

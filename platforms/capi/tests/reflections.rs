@@ -328,3 +328,126 @@ fn what_is_wrong_with_mirrors_is_refused_by_name() {
         vis_scene_destroy(scene);
     }
 }
+
+/// Contribution culling reaches the objects of mirrors, by distances from the camera: the reflected eye is
+/// more than four times as far away.
+#[test]
+fn mirrors_show_the_levels_that_the_camera_shows() {
+    let Building { scene, cells, .. } = Building::new();
+    let view = make(vis_view_create);
+    let (mut of, mut plain_of, mut visible, mut shown) = (null_mut(), null_mut(), null_mut(), null_mut());
+    let (pipeline, plain, mirrored) =
+        (make(vis_pipeline_create), make(vis_pipeline_create), make(vis_view_create));
+    let pose = vis_pose { eye: [1.0, 2.0, 1.5], target: [9.0, 2.0, 1.4], up: [0.0, 0.0, 1.0] };
+    let in_mirror = |pipeline: *mut vis_pipeline, of: *const vis_reflections, visible, shown| {
+        // SAFETY: handles are live.
+        unsafe {
+            ok(vis_pipeline_cull(pipeline, scene, view, visible, null_mut()));
+            ok(vis_reflections_read(of, 0, mirrored, shown));
+        }
+        indices(shown, scene)
+    };
+    // SAFETY: handles are live, and points have 3 numbers.
+    unsafe {
+        ok(vis_visible_create(false, &raw mut visible));
+        ok(vis_visible_create(false, &raw mut shown));
+        ok(vis_view_set_perspective(view, &raw const pose, 1.2, 1.5, 0.05, 100.0));
+        let cube = |min: [f32; 3]| vis_object_default(vis_box { min, max: min.map(|x| x + 0.3) });
+        // All stand beside the line from the camera to the mirror, in view of both.
+        let (mut near, mut far, mut child, mut parent) = (0, 0, 0, 0);
+        for (id, y) in [(&mut near, 1.0), (&mut far, 1.4), (&mut child, 2.2), (&mut parent, 2.2)] {
+            ok(vis_scene_insert(scene, &cube([3.0, y, 1.5]), id));
+        }
+        let index = |id: u64| id as u32;
+        let without = |list: &[u32], ids: &[u64]| -> Vec<u32> {
+            list.iter().copied().filter(|&one| ids.iter().all(|&id| index(id) != one)).collect()
+        };
+        // The camera is 2 m away, the reflected eye 20 m.
+        ok(vis_scene_set_draw_range(scene, near, 0.0, 5.0));
+        ok(vis_scene_set_draw_range(scene, far, 0.0, 1.0));
+        ok(vis_scene_set_draw_range(scene, parent, 10.0, f32::INFINITY));
+        ok(vis_scene_set_hlod_parent(scene, child, parent));
+        for (pipeline, of) in [(plain, &mut plain_of), (pipeline, &mut of)] {
+            ok(vis_reflections_create(cells, 8, 2, of));
+            ok(vis_pipeline_add_frustum(pipeline));
+            ok(vis_pipeline_add_reflections(pipeline, *of));
+        }
+        let all = in_mirror(plain, plain_of, visible, shown);
+        let four = [near, far, child, parent];
+        assert!(four.iter().all(|&id| all.contains(&index(id))), "all four are in the mirror: {all:?}");
+        // Contribution culling that is added after the mirrors counts as well.
+        assert_eq!(in_mirror(pipeline, of, visible, shown), all, "without contribution culling");
+        ok(vis_pipeline_add_contribution(pipeline, 0.0, 0.0));
+        let expected = without(&all, &[far, parent]);
+        for frame in 0..3 {
+            assert_eq!(in_mirror(pipeline, of, visible, shown), expected, "frame {frame}: by distance");
+            let by_camera = indices(visible, scene);
+            for id in four {
+                let [camera, mirror] = [&by_camera, &expected].map(|list| list.contains(&index(id)));
+                assert_eq!(camera, mirror, "frame {frame}: object {id} for the camera and in the mirror");
+            }
+        }
+        ok(vis_pipeline_set_contribution(pipeline, 0.0, 0.0, [-500.0, 2.0, 1.5].as_ptr()));
+        let expected = without(&all, &[near, far, child]);
+        assert_eq!(in_mirror(pipeline, of, visible, shown), expected, "by a point far away");
+        ok(vis_pipeline_set_contribution(pipeline, 1080.0, 1e6, null()));
+        assert_eq!(in_mirror(pipeline, of, visible, shown), [], "all are too small");
+        // Objects that come later do not bring back what was removed.
+        ok(vis_pipeline_set_contribution(pipeline, 0.0, 0.0, null()));
+        ok(vis_pipeline_cull(pipeline, scene, view, visible, null_mut()));
+        ok(vis_scene_insert(scene, &cube([3.0, 1.8, 1.0]), &raw mut far));
+        ok(vis_scene_rebuild(scene));
+        ok(vis_reflections_read(of, 0, mirrored, shown));
+        assert_eq!(indices(shown, scene).len(), all.len() - 2, "objects read after the scene changed");
+        [pipeline, plain].into_iter().for_each(|pipeline| vis_pipeline_destroy(pipeline));
+        [of, plain_of].into_iter().for_each(|of| vis_reflections_destroy(of));
+        [visible, shown].into_iter().for_each(|visible| vis_visible_destroy(visible));
+        [view, mirrored].into_iter().for_each(|view| vis_view_destroy(view));
+        vis_cells_destroy(cells);
+        vis_scene_destroy(scene);
+    }
+}
+
+#[test]
+fn a_set_with_changes_has_changes_after_a_reflection_was_read_into_it() {
+    let Building { scene, cells, .. } = Building::new();
+    let (view, pipeline, mirrored) =
+        (make(vis_view_create), make(vis_pipeline_create), make(vis_view_create));
+    let pose = vis_pose { eye: [1.0, 2.0, 1.5], target: [9.0, 2.0, 1.4], up: [0.0, 0.0, 1.0] };
+    for with_changes in [true, false] {
+        let (mut of, mut visible) = (null_mut(), null_mut());
+        let (mut newly, mut hidden) = (9, 9);
+        // SAFETY: handles are live.
+        unsafe {
+            ok(vis_visible_create(with_changes, &raw mut visible));
+            ok(vis_view_set_perspective(view, &raw const pose, 1.2, 1.5, 0.05, 100.0));
+            ok(vis_reflections_create(cells, 8, 2, &raw mut of));
+            ok(vis_pipeline_add_reflections(pipeline, of));
+            let mut changes = |what: &str, expected: [usize; 2]| {
+                ok(vis_visible_newly_visible(visible, null_mut(), 0, &raw mut newly));
+                ok(vis_visible_newly_hidden(visible, null_mut(), 0, &raw mut hidden));
+                let expected = if with_changes { expected } else { [0, 0] };
+                assert_eq!([newly, hidden], expected, "{what}, with changes: {with_changes}");
+            };
+            ok(vis_pipeline_cull(pipeline, scene, view, visible, null_mut()));
+            let count = indices(visible, scene).len();
+            changes("a frame", [count, 0]);
+            ok(vis_reflections_read(of, 0, mirrored, visible));
+            changes("a reflection", [0, 0]);
+            assert!(!indices(visible, scene).is_empty(), "objects in the mirror");
+            ok(vis_pipeline_cull(pipeline, scene, view, visible, null_mut()));
+            changes("the next frame", [count, 0]);
+            ok(vis_pipeline_cull(pipeline, scene, view, visible, null_mut()));
+            changes("the frame after it", [0, 0]);
+            vis_reflections_destroy(of);
+            vis_visible_destroy(visible);
+        }
+    }
+    // SAFETY: handles are live, and used no more.
+    unsafe {
+        vis_pipeline_destroy(pipeline);
+        [view, mirrored].into_iter().for_each(|view| vis_view_destroy(view));
+        vis_cells_destroy(cells);
+        vis_scene_destroy(scene);
+    }
+}

@@ -1,6 +1,7 @@
 //! Reflections in the mirrors of cells: what to draw in each mirror that a view sees.
 
 use super::cells::vis_cells;
+use crate::contribution::LastContribution;
 use crate::error::{Error, border, vis_status};
 use crate::pipeline::{push, vis_pipeline};
 use crate::pointer::{buffer, create, destroy, out, reference};
@@ -8,9 +9,11 @@ use crate::view::vis_view;
 use crate::visible::vis_visible;
 use std::sync::{Arc, Mutex, MutexGuard};
 use visibility_core::culler::Lack;
+use visibility_core::glam::DVec3;
 use visibility_core::jobs::Jobs;
-use visibility_core::view::ViewRegion;
+use visibility_core::view::{Eye, ViewRegion};
 use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
+use visibility_frame::lod::ContributionCuller;
 use visibility_portals::{PortalEye, Reflection, SharedPortalCuller};
 
 /// Portal culling of one view with reflections in mirrors. Its functions wait for one another and for frames
@@ -25,7 +28,12 @@ impl vis_reflections {
 }
 
 /// Portal culling of a pipeline that shares its eye with a handle. Hides nothing once a panic has left it.
-struct ReflectingCuller(Arc<Mutex<SharedPortalCuller>>);
+struct ReflectingCuller {
+    portals: Arc<Mutex<SharedPortalCuller>>,
+    contribution: Arc<LastContribution>,
+    /// Contribution culling of the views in mirrors.
+    in_mirrors: ContributionCuller,
+}
 
 impl Culler for ReflectingCuller {
     fn name(&self) -> &str {
@@ -33,18 +41,26 @@ impl Culler for ReflectingCuller {
     }
 
     fn accuracy(&self) -> Accuracy {
-        self.0.lock().map_or(Accuracy::Conservative, |culler| culler.accuracy())
+        self.portals.lock().map_or(Accuracy::Conservative, |culler| culler.accuracy())
     }
 
     fn hides_behind_undrawn(&self) -> bool {
-        self.0.lock().map_or(true, |culler| culler.hides_behind_undrawn())
+        self.portals.lock().map_or(true, |culler| culler.hides_behind_undrawn())
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        match self.0.lock() {
-            Ok(mut culler) => culler.cull(scene, view, visible),
-            Err(_) => visible.retain(scene, |_, _| true),
+        let Ok(mut culler) = self.portals.lock() else { return visible.retain(scene, |_, _| true) };
+        let stats = culler.cull(scene, view, visible);
+        if let Some(settings) = self.contribution.get() {
+            // Mirrors show the levels that the camera shows, so distances are measured from its eye.
+            let eye = match view.eye(DVec3::ZERO) {
+                Eye::Point(eye) => Some(eye),
+                Eye::Direction(_) => None,
+            };
+            settings.apply(&mut self.in_mirrors, eye);
+            culler.cull_reflections(scene, &mut self.in_mirrors);
         }
+        stats
     }
 
     fn cull_region(
@@ -54,22 +70,23 @@ impl Culler for ReflectingCuller {
         region: &ViewRegion,
         visible: &mut VisibleSet,
     ) -> Option<CullStats> {
-        self.0.lock().ok()?.cull_region(jobs, scene, region, visible)
+        self.portals.lock().ok()?.cull_region(jobs, scene, region, visible)
     }
 
     fn answer_holds(&self) -> bool {
-        self.0.lock().is_ok_and(|culler| culler.answer_holds())
+        self.portals.lock().is_ok_and(|culler| culler.answer_holds())
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {
-        match self.0.lock() {
+        match self.portals.lock() {
             Ok(culler) => culler.for_each_lack(scene, each),
             Err(_) => each(Lack { what: "objects not culled, for want of usable cells", count: scene.len() }),
         }
     }
 
     fn reset(&mut self) {
-        if let Ok(mut culler) = self.0.lock() {
+        self.in_mirrors.reset();
+        if let Ok(mut culler) = self.portals.lock() {
             culler.reset();
         }
     }
@@ -125,7 +142,9 @@ pub unsafe extern "C" fn vis_reflections_destroy(reflections: *mut vis_reflectio
 }
 
 /// Appends portal culling as `vis_pipeline_add_portals` does, which also finds the reflections. They are
-/// those of the pipeline's last frame, so each pipeline needs reflections of its own. Conservative.
+/// those of the pipeline's last frame, so each pipeline needs reflections of its own. Conservative. If the
+/// pipeline has contribution culling, it culls what mirrors show as well, by sizes in the mirror and
+/// distances from the eye of the camera, so that mirrors show the objects that the camera shows.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_reflections(
     pipeline: *mut vis_pipeline,
@@ -133,14 +152,19 @@ pub unsafe extern "C" fn vis_pipeline_add_reflections(
 ) -> vis_status {
     border(|| {
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        let reflections = unsafe { reference(reflections, "reflections") }?;
+        let (reflections, of) =
+            unsafe { (reference(reflections, "reflections")?, reference(pipeline, "pipeline")?) };
+        let portals = reflections.0.clone();
+        let (contribution, in_mirrors) = (of.contribution().clone(), ContributionCuller::new(0.0, 0.0));
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        unsafe { push(pipeline, ReflectingCuller(reflections.0.clone())) }
+        unsafe { push(pipeline, ReflectingCuller { portals, contribution, in_mirrors }) }
     })
 }
 
 /// Writes the reflections of the last frame, like `vis_visible_ids`. They are numbered from 0 in this order;
-/// each comes after the one that it is seen in. None before the first frame.
+/// each comes after the one that it is seen in. None before the first frame. In the next frame, a number may
+/// be that of another mirror: levels of detail of a mirror need a `vis_lods` for each chain of mirrors, from
+/// `parent` to `parent`, or `vis_lods_reset` before each other chain.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_reflections_list(
     reflections: *const vis_reflections,
@@ -159,7 +183,8 @@ pub unsafe extern "C" fn vis_reflections_list(
 }
 
 /// Writes how many mirrors were seen in the last frame and have no reflection, since there were more than
-/// `vis_reflections_create` allows, or since the reflected matrix was no view.
+/// `vis_reflections_create` allows, or since the reflected matrix was no view. Also counts each mirror that
+/// has a reflection in which no mirrors are looked for, since its eye is unknown.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_reflections_left_out(
     reflections: *const vis_reflections,
@@ -177,8 +202,10 @@ pub unsafe extern "C" fn vis_reflections_left_out(
 /// Reads one of the reflections of `vis_reflections_list`. Sets `view` to the view to draw it with, to the
 /// pixels that the mirror covers: `vis_view_matrix` and `vis_view_clip_planes` have its matrix and its clip
 /// plane, which cuts away what is behind the mirror. The view mirrors space, so triangles change their
-/// winding. Sets `visible` to the objects to draw in it, as `vis_pipeline_cull` would, without changes since
-/// earlier frames. Conservative. Returns `VIS_ERROR_UNKNOWN_ID` for a number beyond the last.
+/// winding. Sets `visible` to the objects to draw in it, as they were at the end of the frame. A set with
+/// changes has none then, and begins anew: its next frame lists all its objects as newly visible.
+/// Conservative, but for what contribution culling removes. Returns `VIS_ERROR_UNKNOWN_ID` for a number
+/// beyond the last.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_reflections_read(
     reflections: *const vis_reflections,
@@ -199,9 +226,7 @@ pub unsafe extern "C" fn vis_reflections_read(
             Error::new(vis_status::VIS_ERROR_UNKNOWN_ID, message)
         };
         let one = all.get(number as usize).ok_or_else(absent)?;
-        let mut visible = visible.write()?;
-        view.put(*one.view())?;
-        visible.clone_from(one.visible());
-        Ok(())
+        let (reflected, objects) = (*one.view(), one.visible());
+        visible.copy(objects, || view.put(reflected))
     })
 }
