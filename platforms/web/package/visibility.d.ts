@@ -404,7 +404,8 @@ export interface Scene extends Handle {
   /**
    * Gives objects the same levels of detail, those of their mesh, for `Lods`: the sizes in pixels that divide the levels,
    * at most 255. With `[200, 50]`, level 0 is for 200 pixels and more, level 1 for 50 and more, level 2 for all below.
-   * Without sizes, as for new objects, the level is 0. Each different list of sizes is kept as long as the scene.
+   * Without sizes, as for new objects, the level is 0. Each different list of sizes that an object is given is kept as
+   * long as the scene.
    */
   setLodSizes(ids: ArrayLike<ObjectId>, sizes: Numbers): void;
   /**
@@ -512,8 +513,8 @@ export interface Pipeline extends Handle {
   addContribution(pictureHeight: number, leastPixels: number): this;
   /**
    * Changes what `addContribution` added last, for later frames. Distances of draw ranges and HLOD parents are measured
-   * from `distanceEye`, a point of the world, or from the view's own eye without it: a view of a light or a mirror gets
-   * the eye of the camera, so that it shows the objects that the camera shows.
+   * from `distanceEye`, a point of the world, or from the view's own eye without it: a view of a light gets the eye of
+   * the camera, so that it shows the objects that the camera shows. Reflections of the pipeline have it anyway.
    */
   setContribution(pictureHeight: number, leastPixels: number, distanceEye?: Triple): void;
   /**
@@ -524,7 +525,8 @@ export interface Pipeline extends Handle {
   addPortals(cells: Cells): this;
   /**
    * As `addPortals`, by the cells of the reflections, and finds what is seen in mirrors. The reflections are those of the
-   * last frame of the pipeline, so each pipeline needs reflections of its own.
+   * last frame of the pipeline, so each pipeline needs reflections of its own. With `addContribution`, what mirrors show
+   * is culled as well, by sizes in the mirror and distances from the eye of the camera.
    */
   addReflections(reflections: Reflections): this;
   /** Removes what a baked set excludes. Conservative if the set is. */
@@ -685,14 +687,21 @@ export interface Cells extends Handle {
 
 /** Portal culling of one view with reflections in mirrors. */
 export interface Reflections extends Handle {
-  /** The reflections of the last frame, numbered from 0. Each comes after the one that it is seen in. */
+  /**
+   * The reflections of the last frame, numbered from 0. Each comes after the one that it is seen in. In the next frame, a
+   * number may be that of another mirror: levels of detail need a `Lods` for each chain of mirrors, or `Lods.reset`.
+   */
   readonly list: Reflection[];
-  /** How many mirrors were seen in the last frame and have no reflection, since there were too many. */
+  /**
+   * How many mirrors were seen in the last frame and have no reflection, since there were too many; also counts those with
+   * a reflection in which no mirrors are looked for.
+   */
   readonly leftOut: number;
   /**
    * Reads a reflection. Sets `view` to the view to draw it with, to the pixels that the mirror covers: `view.matrix()` and
    * `view.clipPlanes()` have its matrix and its clip plane, which cuts away what is behind the mirror. Triangles change
-   * their winding. Sets `visible` to the objects to draw in it, without changes since earlier frames.
+   * their winding. Sets `visible` to the objects to draw in it, without changes; the next frame of a set with `changes`
+   * then has all its objects as newly visible.
    */
   read(number: number, view: View, visible: Visible): void;
 }

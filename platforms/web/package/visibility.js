@@ -807,7 +807,9 @@ class Scene extends Handle {
 
   setDrawKeys(ids, keys) {
     this.wasm.call((wasm) => {
-      const of = [wasm.put(BigUint64Array, ids), wasm.put(Uint32Array, sameLength(keys, ids.length, "keys"))];
+      if (Array.prototype.some.call(sameLength(keys, ids.length, "keys"), (key) => key < 0))
+        refuse("`keys` has a negative number");
+      const of = [wasm.put(BigUint64Array, ids), wasm.put(Uint32Array, keys)];
       wasm.check("vis_scene_set_draw_keys", this.pointer, ...of, ids.length);
     });
   }

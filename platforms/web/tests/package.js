@@ -583,6 +583,8 @@ for (const simd128 of [false, true]) {
     assert.throws(() => scene.setDrawKeys([ids[0]], [1, 2]), refused("ARGUMENT", /`keys` has 2 elements, not 1/));
     assert.throws(() => scene.setDrawKeys([ids[0]], [0.5]), refused("ARGUMENT", /not a whole number/));
     assert.throws(() => scene.setDrawKeys([ids[0]], [4294967041]), refused("ARGUMENT", /the key 4294967041/));
+    for (const keys of [[-256], [-1], new Int32Array([-256])])
+      assert.throws(() => scene.setDrawKeys([ids[0]], keys), refused("ARGUMENT", /`keys` has a negative number/));
     assert.throws(() => scene.setDrawKeys([ids[1]], [1]), refused("UNKNOWN_ID", /1/));
     assert.deepEqual(content(), [[4, 0, 1], [2]]);
   });
@@ -688,6 +690,24 @@ for (const simd128 of [false, true]) {
     };
     const counts = [{}, { maxDepth: 1 }, { maxCount: 1 }, { maxCount: 0 }, { maxDepth: 3 }].map(limited);
     assert.deepEqual(counts, [[2, 1], [1, 1], [1, 1], [0, 1], [3, 1]]);
+
+    // A set with changes still has them after a reflection was read into it.
+    const changing = visibility.createVisible({ changes: true });
+    frame();
+    reflections.read(0, mirrored, changing);
+    assert.deepEqual([...changing.newlyVisible], []);
+    pipeline.cull(scene, view, changing);
+    assert.deepEqual([...changing.newlyVisible], [...changing.ids]);
+    assert.equal(changing.newlyVisible.length > 0, true);
+    // What is drawn to 4.8 m is in the mirror, too: the camera is 4.5 m away, the reflected eye 8 m.
+    pipeline.addContribution(1000, 0);
+    const shows = (end) => {
+      scene.setDrawRange(ids[0], 0, end);
+      frame();
+      reflections.read(0, mirrored, shown);
+      return [visible.contains(scene, ids[0]), shown.contains(scene, ids[0])];
+    };
+    assert.deepEqual([4.8, 4].map(shows), [[true, true], [false, false]]);
   });
 
   test(say("a list is asked for once, unless it is longer than before"), async () => {
