@@ -1,8 +1,12 @@
-//! A ray reflected by mirrors never reaches an object that the reflection hides.
+//! A ray reflected by mirrors never reaches an object that the reflection hides. What mirrors show can be
+//! culled further.
 
 use crate::maze::{Camera, Maze, Style};
+use crate::room_row::{along, boxes, row_of_rooms, seen};
+use visibility_core::cells::CellId;
+use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::DVec3;
-use visibility_core::{Culler, FrustumCuller, VisibleSet};
+use visibility_core::{Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Scene, View, VisibleSet};
 use visibility_portals::{MirrorId, PortalEye};
 use visibility_testing::Random;
 
@@ -83,4 +87,54 @@ fn no_reflected_ray_reaches_what_its_reflection_hides() {
     );
     assert!(reached > 2_000 && twice > 60, "{reached} {twice}");
     assert!(hidden > 5 * seen, "{hidden} {seen}");
+}
+
+/// Removes all objects but one, and counts the views that it culls.
+struct AllButOne(ObjectId, u32);
+
+impl Culler for AllButOne {
+    fn name(&self) -> &str {
+        "all but one"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Approximate
+    }
+
+    fn cull(&mut self, scene: &Scene, _: &View, visible: &mut VisibleSet) -> CullStats {
+        self.1 += 1;
+        visible.retain(scene, |id, _| id == self.0)
+    }
+}
+
+/// Another culler takes objects out of each reflection of the last frame, which stay the result of a frame.
+/// The next frame begins anew.
+#[test]
+fn another_culler_culls_what_a_mirror_shows() {
+    let (mut cells, (mut scene, ids)) = (row_of_rooms(2), boxes(2));
+    cells.sync(&scene);
+    let corners = [[1.0, 0.5], [1.0, 2.0], [3.0, 2.0], [3.0, 0.5]];
+    let glass = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(8.0, y, z))).unwrap();
+    let mirror = cells.add_mirror(CellId(1), &glass).unwrap();
+    let (mut eye, mut culler) = (PortalEye::new(), AllButOne(ids[1], 0));
+    let shown = |eye: &PortalEye, scene: &Scene| -> Vec<ObjectId> {
+        eye.reflections().iter().flat_map(|one| one.visible().iter(scene)).collect()
+    };
+    eye.cull_reflections(&scene, &mut culler);
+    assert_eq!(culler.1, 0, "views before the first frame");
+    seen(&mut eye, &cells, &scene, &along());
+    assert_eq!(shown(&eye, &scene), ids, "objects in the mirror");
+    eye.cull_reflections(&scene, &mut culler);
+    assert_eq!((culler.1, shown(&eye, &scene)), (1, vec![ids[1]]), "views, and objects that are left");
+    assert!(eye.reflections().iter().all(|one| one.visible().is_finished()), "the sets of reflections");
+    scene.insert(Aabb::from_arrays([1.0, 1.0, 0.0], [3.0, 3.0, 1.0]));
+    scene.rebuild();
+    assert_eq!(shown(&eye, &scene), [ids[1]], "objects that are left, once others have come");
+    cells.sync(&scene);
+    seen(&mut eye, &cells, &scene, &along());
+    assert!(shown(&eye, &scene).len() > ids.len(), "objects in the next frame");
+    cells.set_mirror(mirror, false).unwrap();
+    seen(&mut eye, &cells, &scene, &along());
+    eye.cull_reflections(&scene, &mut culler);
+    assert_eq!((culler.1, shown(&eye, &scene)), (1, vec![]), "views with a covered mirror");
 }
