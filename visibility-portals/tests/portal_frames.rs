@@ -502,6 +502,29 @@ fn errors_name_what_is_wrong() {
     );
 }
 
+/// The objects of a reflection are the result of a frame: an object that comes later is not among them, and
+/// the others stay.
+#[test]
+fn what_a_mirror_shows_survives_changes_of_the_scene() {
+    let (mut cells, mut scene, ids) = row(2);
+    let corners = [[1.0, 0.5], [1.0, 2.0], [3.0, 2.0], [3.0, 0.5]];
+    let glass = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(8.0, y, z))).unwrap();
+    cells.add_mirror(CellId(1), &glass).unwrap();
+    let mut eye = PortalEye::new();
+    seen(&mut eye, &cells, &scene, &along());
+    let [reflection] = eye.reflections() else { panic!("one mirror is seen") };
+    assert!(reflection.visible().is_finished(), "the set of a reflection");
+    let shown = |scene: &Scene| reflection.visible().iter(scene).collect::<Vec<_>>();
+    assert_eq!(shown(&scene), ids, "objects in the mirror");
+    for step in 0..70 {
+        scene.insert(Aabb::from_arrays([1.0 + 0.01 * step as f32, 1.0, 0.0], [3.0, 3.0, 1.0]));
+    }
+    scene.rebuild();
+    assert_eq!(shown(&scene), ids, "objects in the mirror, once others have come");
+    scene.remove(ids[0]).unwrap();
+    assert_eq!(shown(&scene), ids[1..], "objects in the mirror, once one of them has gone");
+}
+
 /// Overlapping cells, NaN viewcells, huge and tiny scales: every frame ends without a panic.
 #[test]
 fn no_input_panics_or_hangs() {

@@ -1,11 +1,16 @@
-//! A ray reflected by mirrors never reaches an object that the reflection hides.
+//! A ray reflected by mirrors never reaches an object that the reflection hides. What mirrors show can be
+//! culled further.
 
 use crate::maze::{Camera, Maze, Style};
+use crate::room_row::{along, boxes, row_of_rooms, seen};
 use visibility_core::cells::{CellGraph, CellId};
 use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::{Viewcell, Viewcells};
-use visibility_core::{Aabb, Culler, FrustumCuller, Pose, Scene, View, VisibleSet, view::Window};
+use visibility_core::view::Window;
+use visibility_core::{
+    Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pose, Scene, View, VisibleSet,
+};
 use visibility_portals::{MirrorId, PortalEye, SceneCells};
 use visibility_testing::Random;
 
@@ -88,27 +93,14 @@ fn no_reflected_ray_reaches_what_its_reflection_hides() {
     assert!(hidden > 5 * seen, "{hidden} {seen}");
 }
 
-/// In an orthographic view, a small mirror far away shows what is before it, and nothing beside that.
-#[test]
-fn mirrors_of_orthographic_views_show_no_more_than_is_before_them() {
-    let room = Viewcell::from_box(DVec3::splat(-60.0), DVec3::splat(60.0));
-    let graph = CellGraph::new(1, []).unwrap();
-    let mut cells = SceneCells::new(graph, Viewcells::new([room]), 1e-6).unwrap();
-    let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]].map(|[y, z]| DVec3::new(50.0, y, z));
-    let mirror = cells.add_mirror(CellId(0), &ConvexPolygon::new(corners).unwrap()).unwrap();
-    let mut scene = Scene::new();
-    for number in -9..10 {
-        let min = Vec3::new(20.0, number as f32 - 0.1, -0.1);
-        scene.insert(Aabb::new(min, min + Vec3::splat(0.2)));
-    }
-    cells.sync(&scene);
-    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
-    let view = View::orthographic(pose, Window::centered(20.0, 20.0), 0.0, 100.0).unwrap();
-    let (mut eye, mut visible) = (PortalEye::new(), VisibleSet::new());
-    visible.fill(&scene, &view);
-    eye.cull(&cells, &scene, &view, &mut visible);
-    let [one] = eye.reflections() else { panic!("{} reflections of one mirror", eye.reflections().len()) };
-    assert_eq!(one.mirror(), mirror, "the mirror of the reflection");
-    let shown: Vec<usize> = one.visible().iter(&scene).map(|id| id.index()).collect();
-    assert_eq!(shown, [8, 9, 10], "the boxes before the mirror and at its sides");
+use crate::room_row::{along, boxes, row_of_rooms, seen};
+use visibility_core::cells::{CellGraph, CellId};
+use visibility_core::geometry::ConvexPolygon;
+use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::pvs::{Viewcell, Viewcells};
+use visibility_core::view::Window;
+use visibility_core::{
+    Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pose, Scene, View, VisibleSet,
+};
+use visibility_portals::{MirrorId, PortalEye, SceneCells};
 }

@@ -17,8 +17,8 @@
 //
 // Threads. Any thread may use any handle. Functions that take a handle as `const` may run on any number of
 // threads at once; a function that takes a handle without `const` needs it alone. Calls that break this rule
-// are refused with `VIS_ERROR_BUSY`, except those on `vis_cells` and `vis_online`, which wait. Destroying is
-// never checked.
+// are refused with `VIS_ERROR_BUSY`, except those on `vis_cells`, `vis_online` and `vis_reflections`, which wait.
+// Destroying is never checked.
 //
 // Matrices have 16 numbers, column-major, and multiply column vectors: element [4 * column + row], as in
 // OpenGL, glm, cglm. Clip space is that of all graphics interfaces, -w <= x, y <= w; depth see `vis_depth`.
@@ -58,6 +58,9 @@
 
 // Number of no wall: where a ray leaves the plan.
 #define VIS_NO_WALL 4294967295
+
+// Number of no reflection: the parent of a reflection in a mirror that the eye sees itself.
+#define VIS_NO_REFLECTION 4294967295
 
 // Result of a call. Everything but `VIS_OK` is an error. A failed call has changed nothing, unless its
 // description says otherwise, and `vis_last_error` tells what was wrong with what.
@@ -151,12 +154,20 @@ typedef enum vis_opacity {
 // another, so they never return `VIS_ERROR_BUSY`.
 typedef struct vis_cells vis_cells;
 
+// Visible objects grouped by the keys of `vis_scene_set_draw_keys`. Kept from frame to frame, it allocates
+// nothing once it has held the largest frame.
+typedef struct vis_draw_list vis_draw_list;
+
 // Graph of convex cells and the portals between them. It never changes.
 typedef struct vis_graph vis_graph;
 
 // Occluders of a level: few large polygons, joined from the level's opaque triangles that stand still. The
 // polygons hide only what the triangles hide.
 typedef struct vis_level vis_level;
+
+// Levels of detail of the visible objects of one view, chosen once per frame, with the levels of the frame
+// before.
+typedef struct vis_lods vis_lods;
 
 // Software renderer that finds the objects with at least one visible pixel, for tests and tools, not for
 // frames.
@@ -178,6 +189,10 @@ typedef struct vis_plan vis_plan;
 // It never changes.
 typedef struct vis_pvs vis_pvs;
 
+// Portal culling of one view with reflections in mirrors. Its functions wait for one another and for frames
+// of the pipeline, so they never return `VIS_ERROR_BUSY` because of it.
+typedef struct vis_reflections vis_reflections;
+
 // Scene: objects, their hierarchy and their occluder meshes.
 typedef struct vis_scene vis_scene;
 
@@ -197,6 +212,47 @@ typedef struct vis_visible vis_visible;
 // Observers and targets of one tick, with the answer which of them see which. Keeps what it can for the
 // next.
 typedef struct vis_who_sees vis_who_sees;
+
+// The objects of a draw list that have one key: a range of its instances.
+typedef struct vis_draw_group {
+  // Key of the objects; with levels of detail, the sum of key and level.
+  uint32_t key;
+  // Position of the first object among the instances.
+  uint32_t first;
+  // Number of objects, at least 1.
+  uint32_t count;
+} vis_draw_group;
+
+// Arguments of one indexed indirect draw call, laid out as `VkDrawIndexedIndirectCommand`,
+// `D3D12_DRAW_INDEXED_ARGUMENTS` and the argument buffers of OpenGL and WebGPU.
+typedef struct vis_draw_command {
+  // Number of indices of the mesh.
+  uint32_t index_count;
+  // Number of instances to draw.
+  uint32_t instance_count;
+  // Position of the mesh's first index in the index buffer.
+  uint32_t first_index;
+  // Number added to each index of the mesh before the vertex is read.
+  int32_t base_vertex;
+  // Position of the first object among the instances of the draw list.
+  uint32_t first_instance;
+} vis_draw_command;
+
+// Level of detail to draw for a visible object. While `fade` is less than 1, `previous` is drawn too: the
+// weight of `level` is `fade * opacity`, that of `previous` is `(1 - fade) * opacity`.
+typedef struct vis_lod {
+  // Id of the object.
+  uint64_t object;
+  // Level of detail to draw: 0 for the finest.
+  uint32_t level;
+  // Level that `level` replaces; equal to `level` while no cross-fade is in progress.
+  uint32_t previous;
+  // Weight of `level` in the cross-fade from `previous`, from 0 to 1; 1 while none is in progress.
+  float fade;
+  // Opacity of the object by its draw range, from 0 to 1: less than 1 only for an object that fades (see
+  // `vis_scene_set_draw_range_with_margin`), and not towards its HLOD parent.
+  float opacity;
+} vis_lod;
 
 // Axis-aligned box.
 typedef struct vis_box {
@@ -322,6 +378,16 @@ typedef struct vis_ray_hit {
   float distance;
 } vis_ray_hit;
 
+// A mirror that is seen in a frame.
+typedef struct vis_reflection {
+  // Number of the mirror, as `vis_cells_add_mirror` wrote it.
+  uint32_t mirror;
+  // Number of the reflection in which the mirror is seen; `VIS_NO_REFLECTION` if the eye sees it itself.
+  uint32_t parent;
+  // Number of mirrors along the lines of sight: 1 if the eye sees the mirror itself.
+  uint32_t depth;
+} vis_reflection;
+
 // Light that casts shadows, in world space and metres. Fields that its kind does not have are not read.
 typedef struct vis_light {
   // A `vis_light_kind`.
@@ -355,10 +421,124 @@ extern "C" {
 // library at run time.
 uint32_t vis_abi_version(void);
 
+// Gives `count` objects their keys in draw lists: the number of the mesh, the material, the first level of
+// the mesh, or several of them in one number; at most 4294967040. New objects have key 0. If an id is
+// unknown, nothing changes.
+enum vis_status vis_scene_set_draw_keys(struct vis_scene *scene,
+                                        const uint64_t *ids,
+                                        const uint32_t *keys,
+                                        size_t count);
+
+// Creates an empty draw list.
+enum vis_status vis_draw_list_create(struct vis_draw_list **list);
+
+// Destroys a draw list. Does nothing for a null pointer.
+void vis_draw_list_destroy(struct vis_draw_list *list);
+
+// Replaces the content of a draw list with the visible objects that are still in the scene, in groups of
+// one key. Groups are in the order of their keys, the objects of a group in the order of the visible set.
+// Takes a few nanoseconds per object if keys are small: up to about four times the number of objects.
+enum vis_status vis_draw_list_group(struct vis_draw_list *list,
+                                    const struct vis_scene *scene,
+                                    const struct vis_visible *visible);
+
+// Replaces the content of a draw list with the objects of the last frame of `lods` that are still in the
+// scene. The key of a group is the sum of the objects' key and the level to draw, so the levels of a mesh
+// have keys one after another: a mesh of 3 levels has keys k to k + 2, and its objects were given k.
+enum vis_status vis_draw_list_group_levels(struct vis_draw_list *list,
+                                           const struct vis_scene *scene,
+                                           const struct vis_lods *lods);
+
+// As `vis_draw_list_group_levels`, for the objects that are in a cross-fade alone, by the level that fades
+// out: what is drawn a second time.
+enum vis_status vis_draw_list_group_fading(struct vis_draw_list *list,
+                                           const struct vis_scene *scene,
+                                           const struct vis_lods *lods);
+
+// Writes the groups by ascending key, like `vis_visible_ids`.
+enum vis_status vis_draw_list_groups(const struct vis_draw_list *list,
+                                     struct vis_draw_group *groups,
+                                     size_t capacity,
+                                     size_t *count);
+
+// Writes the index of each object, group after group, like `vis_visible_indices`: the buffer in which a
+// shader looks up the object of an instance.
+enum vis_status vis_draw_list_instances(const struct vis_draw_list *list,
+                                        uint32_t *indices,
+                                        size_t capacity,
+                                        size_t *count);
+
+// Writes the commands that draw the groups, one each, in their order, like `vis_visible_ids`. `meshes[key]`
+// is the command that draws the mesh of a key; its `instance_count` and `first_instance` are replaced by
+// those of the group. Returns `VIS_ERROR_ARGUMENT` if a group's key is not below `mesh_count`.
+enum vis_status vis_draw_list_commands(const struct vis_draw_list *list,
+                                       const struct vis_draw_command *meshes,
+                                       size_t mesh_count,
+                                       struct vis_draw_command *commands,
+                                       size_t capacity,
+                                       size_t *count);
+
 // Returns the message of the last call that failed on this thread, in English, UTF-8, ending with a zero
 // byte; the empty text if none has failed. Successful calls leave it as it is. The pointer is valid until
 // the next call that fails on this thread; never free it.
 const char *vis_last_error(void);
+
+// Creates levels of detail for one view, whose pictures are `picture_height` pixels high: 0 or more; with 0
+// all objects have level 0. `hysteresis` is the fraction of a size by which an object must be beyond it
+// before its level changes, 0 to 0.9; 0.1 is usual. `fade_seconds` is the duration of a cross-fade from one
+// level to the next; 0 for none, 0.25 is usual. Two views, or two eyes, need two of these.
+enum vis_status vis_lods_create(double picture_height,
+                                double hysteresis,
+                                float fade_seconds,
+                                struct vis_lods **lods);
+
+// Destroys levels of detail. Does nothing for a null pointer.
+void vis_lods_destroy(struct vis_lods *lods);
+
+// Sets the height in pixels of the pictures of later frames, 0 or more.
+enum vis_status vis_lods_set_picture_height(struct vis_lods *lods, double picture_height);
+
+// Sets the point of the world, 3 finite coordinates, from which the distances of draw ranges are measured in
+// later frames; null for the view's own eye. For views of lights and mirrors, which show what the camera
+// shows. Sizes are always those in the view.
+enum vis_status vis_lods_set_distance_eye(struct vis_lods *lods, const double *eye);
+
+// Gives `count` objects the same levels of detail, those of their mesh, for `vis_lods_select`: `sizes` are
+// the sizes in pixels that divide the levels, at most 255, positive and finite. With 200 and 50, level 0 is
+// for 200 pixels and more, level 1 for 50 and more, level 2 for all below. Without sizes, as for new
+// objects, the level is 0. Each different list of sizes that an object is given is kept as long as the
+// scene, also once no object has it. If an id is unknown, nothing changes.
+enum vis_status vis_scene_set_lod_sizes(struct vis_scene *scene,
+                                        const uint64_t *ids,
+                                        size_t count,
+                                        const float *sizes,
+                                        size_t size_count);
+
+// Chooses the level of each object of `visible`, the set of this view's frame, by its size in pixels and the
+// sizes of `vis_scene_set_lod_sizes`. The size of an object is the diameter in pixels of the sphere around
+// its bounds, as if the whole sphere were at the nearest point of the bounds in the middle of the picture,
+// so that turning the camera changes no level. Once per frame; `elapsed_seconds` is the time since the frame
+// before, by which cross-fades advance. An object that was not visible in the frame before has the level of
+// its size at once.
+enum vis_status vis_lods_select(struct vis_lods *lods,
+                                const struct vis_scene *scene,
+                                const struct vis_view *view,
+                                const struct vis_visible *visible,
+                                float elapsed_seconds);
+
+// Writes the level of each object that was visible in the last frame, in the order of the visible set, like
+// `vis_visible_ids`. None before the first frame.
+enum vis_status vis_lods_selected(const struct vis_lods *lods,
+                                  struct vis_lod *list,
+                                  size_t capacity,
+                                  size_t *count);
+
+// Writes the level of one object in the last frame. The id in `lod` is `VIS_NO_OBJECT`, and all else 0, if
+// the object was not visible.
+enum vis_status vis_lods_lod(const struct vis_lods *lods, uint64_t object, struct vis_lod *lod);
+
+// Forgets earlier frames, so that the next one begins without cross-fades: after a cut of the camera.
+enum vis_status vis_lods_reset(struct vis_lods *lods);
 
 // Writes the bounds of an object, relative to the scene's origin.
 enum vis_status vis_scene_bounds(const struct vis_scene *scene, uint64_t object, struct vis_box *bounds);
@@ -458,6 +638,17 @@ enum vis_status vis_pipeline_add_frustum(struct vis_pipeline *pipeline);
 enum vis_status vis_pipeline_add_contribution(struct vis_pipeline *pipeline,
                                               double picture_height,
                                               double min_pixels);
+
+// Changes the contribution culling that was added last for later frames: the height of the pictures and the
+// least size, as for `vis_pipeline_add_contribution`, and the point of the world, 3 finite coordinates, from
+// which the distances of draw ranges and HLOD parents are measured; null for the view's own eye. A view of a
+// light gets the eye of the camera, so that it shows the objects that the camera shows; the reflections of
+// `vis_pipeline_add_reflections` have it anyway. Returns `VIS_ERROR_STATE` if the pipeline has no
+// contribution culling.
+enum vis_status vis_pipeline_set_contribution(struct vis_pipeline *pipeline,
+                                              double picture_height,
+                                              double min_pixels,
+                                              const double *distance_eye);
 
 // Appends occlusion culling by a software hierarchical z-buffer. It removes objects hidden behind objects
 // that have a mesh and the flag `VIS_OBJECT_OCCLUDER`. `width` and `height` are the size of the buffer in
@@ -574,6 +765,16 @@ enum vis_status vis_scene_set_flags(struct vis_scene *scene, uint64_t object, ui
 // drawn. To avoid this, make the far level the parent of the near one with `vis_scene_set_hlod_parent`.
 enum vis_status vis_scene_set_draw_range(struct vis_scene *scene, uint64_t object, float begin, float end);
 
+// Sets the distances at which an object is drawn, as `vis_scene_set_draw_range` does, and the length
+// `margin` in metres, finite, inside of the range, over which the object fades in from `begin` on and out up
+// to `end`. A range from 0 does not fade in. `vis_lod` has the opacity. An object that fades hides nothing
+// at any distance.
+enum vis_status vis_scene_set_draw_range_with_margin(struct vis_scene *scene,
+                                                     uint64_t object,
+                                                     float begin,
+                                                     float end,
+                                                     float margin);
+
 // Makes `parent` replace an object beyond the begin of the parent's draw range, for the stage
 // `vis_pipeline_add_contribution`; `VIS_NO_OBJECT` for no parent. Distances of both are measured from the
 // parent's bounds, which must contain the object's bounds.
@@ -630,6 +831,20 @@ enum vis_status vis_view_set_layers(struct vis_view *view, uint32_t layers);
 // keeps the points with a x + b y + c z + d >= 0, relative to the origin of the matrix, or to the eye of a
 // view set from a pose. Replaces earlier planes.
 enum vis_status vis_view_set_clip_planes(struct vis_view *view, const double *planes, size_t count);
+
+// Writes the matrix of a view, from the world relative to the point `origin` (3 finite coordinates; null for
+// the origin of the world) to clip space, in the depth convention of the view: 16 numbers, column-major. For
+// views that the library makes: those of mirrors.
+enum vis_status vis_view_matrix(const struct vis_view *view, const double *origin, double *matrix);
+
+// Writes the clip planes of a view, relative to the point `origin` (3 finite coordinates; null for the
+// origin of the world): 4 numbers a, b, c, d each, whose side with a x + b y + c z + d >= 0 is seen.
+// `capacity` and `count` are in numbers. A null or too short `planes` is handled as in `vis_visible_ids`.
+enum vis_status vis_view_clip_planes(const struct vis_view *view,
+                                     const double *origin,
+                                     double *planes,
+                                     size_t capacity,
+                                     size_t *count);
 
 // Writes whether an answer that a pipeline has made for the view `of` with a reach (see
 // `vis_pipeline_set_reach`) is good for `view`: its eye is within `metres` of that of `of`, it is turned by
@@ -775,6 +990,19 @@ enum vis_status vis_cells_set_open(struct vis_cells *cells, uint32_t portal, boo
 // Sets the directions in which an open portal can be seen through: from its first cell into the second
 // (`forward`), from the second into the first (`backward`), or both. To allow neither, close the portal.
 enum vis_status vis_cells_set_passage(struct vis_cells *cells, uint32_t portal, bool forward, bool backward);
+
+// Adds a mirror on the boundary of a cell and writes its number, counted from 0. Its `vertex_count`
+// vertices, 3 coordinates each, make a convex polygon in a plane, counter-clockwise as seen from within the
+// cell. Views with `vis_reflections` then find what is seen in the mirror. If the glass itself is drawn, it
+// is an object of the scene.
+enum vis_status vis_cells_add_mirror(struct vis_cells *cells,
+                                     uint32_t cell,
+                                     const double *vertices,
+                                     size_t vertex_count,
+                                     uint32_t *mirror);
+
+// Sets whether a mirror reflects (`uncovered`), as new mirrors do, or is covered and shows nothing.
+enum vis_status vis_cells_set_mirror(struct vis_cells *cells, uint32_t mirror, bool uncovered);
 
 // Writes whether one cell may see another, from anywhere inside, through the portals that are open now.
 // Useful for sound and for the AI of guards.
@@ -1032,6 +1260,50 @@ enum vis_status vis_scene_in_box(const struct vis_scene *scene,
                                  uint64_t *ids,
                                  size_t capacity,
                                  size_t *count);
+
+// Creates reflections of one view in the mirrors of cells, at most `max_count` in a frame and at most
+// `max_depth` mirrors along a line of sight: 8 and 2 are usual, with 1 mirrors in mirrors are left out. The
+// cells live as long as these reflections, even if destroyed.
+enum vis_status vis_reflections_create(const struct vis_cells *cells,
+                                       size_t max_count,
+                                       uint32_t max_depth,
+                                       struct vis_reflections **reflections);
+
+// Destroys reflections; a pipeline that uses them keeps them alive. Does nothing for a null pointer.
+void vis_reflections_destroy(struct vis_reflections *reflections);
+
+// Appends portal culling as `vis_pipeline_add_portals` does, which also finds the reflections. They are
+// those of the pipeline's last frame, so each pipeline needs reflections of its own. Conservative. If the
+// pipeline has contribution culling, it culls what mirrors show as well, by sizes in the mirror and
+// distances from the eye of the camera, so that mirrors show the objects that the camera shows.
+enum vis_status vis_pipeline_add_reflections(struct vis_pipeline *pipeline,
+                                             const struct vis_reflections *reflections);
+
+// Writes the reflections of the last frame, like `vis_visible_ids`. They are numbered from 0 in this order;
+// each comes after the one that it is seen in. None before the first frame. In the next frame, a number may
+// be that of another mirror: levels of detail of a mirror need a `vis_lods` for each chain of mirrors, from
+// `parent` to `parent`, or `vis_lods_reset` before each other chain.
+enum vis_status vis_reflections_list(const struct vis_reflections *reflections,
+                                     struct vis_reflection *list,
+                                     size_t capacity,
+                                     size_t *count);
+
+// Writes how many mirrors were seen in the last frame and have no reflection, since there were more than
+// `vis_reflections_create` allows, or since the reflected matrix was no view. Also counts each mirror that
+// has a reflection in which no mirrors are looked for, since its eye is unknown.
+enum vis_status vis_reflections_left_out(const struct vis_reflections *reflections, uint32_t *count);
+
+// Reads one of the reflections of `vis_reflections_list`. Sets `view` to the view to draw it with, to the
+// pixels that the mirror covers: `vis_view_matrix` and `vis_view_clip_planes` have its matrix and its clip
+// plane, which cuts away what is behind the mirror. The view mirrors space, so triangles change their
+// winding. Sets `visible` to the objects to draw in it, as they were at the end of the frame. A set with
+// changes has none then, and begins anew: its next frame lists all its objects as newly visible.
+// Conservative, but for what contribution culling removes. Returns `VIS_ERROR_UNKNOWN_ID` for a number
+// beyond the last.
+enum vis_status vis_reflections_read(const struct vis_reflections *reflections,
+                                     uint32_t number,
+                                     struct vis_view *view,
+                                     struct vis_visible *visible);
 
 // Writes which objects can be seen from a box of the world. The box is swept over the occluder meshes of all
 // objects that have the flag `VIS_OBJECT_OCCLUDER`. Bit `index % 32` of word `index / 32` is clear if the

@@ -12,10 +12,15 @@
 //! Every function runs its body in [`error::border`], which turns errors into codes and stops panics. Handles
 //! are behind the locks of [`handle`].
 
+mod contribution;
+mod draw_list;
 #[macro_use]
 mod error;
 mod handle;
+mod lods;
 mod moves;
+mod numbers;
+mod object_data;
 mod occluders;
 mod pipeline;
 mod pointer;
@@ -26,7 +31,9 @@ mod visible;
 #[cfg(feature = "whole")]
 mod whole;
 
+pub use draw_list::*;
 pub use error::*;
+pub use lods::*;
 pub use moves::*;
 pub use occluders::*;
 pub use pipeline::*;
@@ -41,6 +48,8 @@ pub use whole::*;
 /// `Sync`.
 const _: () = {
     const fn any_thread<T: Send + Sync>() {}
+    any_thread::<vis_draw_list>();
+    any_thread::<vis_lods>();
     any_thread::<vis_pipeline>();
     any_thread::<vis_scene>();
     any_thread::<vis_view>();

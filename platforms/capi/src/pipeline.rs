@@ -1,22 +1,31 @@
 //! Pipelines: the cullers of one view, and their counters of the last frame.
 
+use crate::contribution::{FollowingContribution, LastContribution};
 use crate::error::{Error, border, vis_status};
 use crate::handle::Guarded;
+use crate::numbers::finite;
 use crate::pointer::{buffer, create, destroy, optional_out, out, reference};
 use crate::scene::vis_scene;
 use crate::stats::vis_stats;
-use crate::view::vis_view;
+use crate::view::{optional_point, vis_view};
 use crate::visible::vis_visible;
 use std::ffi::c_char;
 use std::fmt::Write;
+use std::sync::Arc;
 use visibility_core::view::Reach;
 use visibility_core::{Accuracy, Culler, FrustumCuller, ObjectId, Pipeline};
-use visibility_frame::lod::ContributionCuller;
 use visibility_hzb::{Hzb, HzbCuller};
 
 /// Pipeline: the cullers of one view in the order in which they were added, with their state from earlier
 /// frames. Two eyes, or two players, need two pipelines over one scene.
-pub struct vis_pipeline(Guarded<Pipeline>);
+pub struct vis_pipeline(Guarded<Pipeline>, Arc<LastContribution>);
+
+impl vis_pipeline {
+    /// Returns the settings of the contribution culling that was added last, for stages that follow them.
+    pub(crate) fn contribution(&self) -> &Arc<LastContribution> {
+        &self.1
+    }
+}
 
 /// Accuracy that a pipeline promises for its result.
 #[repr(C)]
@@ -38,7 +47,7 @@ pub unsafe extern "C" fn vis_pipeline_create(pipeline: *mut *mut vis_pipeline) -
     border(|| {
         // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let place = unsafe { out(pipeline, "pipeline") }?;
-        create(place, vis_pipeline(Guarded::new(Pipeline::new())));
+        create(place, vis_pipeline(Guarded::new(Pipeline::new()), Arc::default()));
         Ok(())
     })
 }
@@ -82,8 +91,40 @@ pub unsafe extern "C" fn vis_pipeline_add_contribution(
     picture_height: f64,
     min_pixels: f64,
 ) -> vis_status {
-    // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-    border(|| unsafe { push(pipeline, ContributionCuller::new(picture_height, min_pixels)) })
+    border(|| {
+        let (culler, settings) = FollowingContribution::new(picture_height, min_pixels);
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+        unsafe { push(pipeline, culler) }?;
+        // SAFETY: as before.
+        unsafe { reference(pipeline, "pipeline") }?.contribution().set(settings);
+        Ok(())
+    })
+}
+
+/// Changes the contribution culling that was added last for later frames: the height of the pictures and the
+/// least size, as for `vis_pipeline_add_contribution`, and the point of the world, 3 finite coordinates, from
+/// which the distances of draw ranges and HLOD parents are measured; null for the view's own eye. A view of a
+/// light gets the eye of the camera, so that it shows the objects that the camera shows; the reflections of
+/// `vis_pipeline_add_reflections` have it anyway. Returns `VIS_ERROR_STATE` if the pipeline has no
+/// contribution culling.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_pipeline_set_contribution(
+    pipeline: *mut vis_pipeline,
+    picture_height: f64,
+    min_pixels: f64,
+    distance_eye: *const f64,
+) -> vis_status {
+    border(|| {
+        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 3 numbers of `distance_eye`.
+        let (pipeline, eye) =
+            unsafe { (reference(pipeline, "pipeline")?, optional_point(distance_eye, "distance_eye")?) };
+        let distance_eye = eye.map(|eye| finite(eye, "`distance_eye`")).transpose()?;
+        // Refused while the pipeline culls.
+        let _alone = pipeline.0.write()?;
+        let none = || Error::new(vis_status::VIS_ERROR_STATE, "the pipeline has no contribution culling");
+        pipeline.contribution().get().ok_or_else(none)?.set(picture_height, min_pixels, distance_eye);
+        Ok(())
+    })
 }
 
 /// Returns a z-buffer of a size in pixels, of the default size for 0 and 0.

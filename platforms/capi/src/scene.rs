@@ -2,6 +2,7 @@
 
 use crate::error::{Error, border, vis_status};
 use crate::handle::Guarded;
+use crate::object_data::ObjectData;
 use crate::pointer::{array, buffer, create, destroy, out, reference};
 use std::sync::{RwLockReadGuard, RwLockWriteGuard};
 use visibility_core::glam::DVec3;
@@ -11,11 +12,13 @@ use visibility_core::{Aabb, Object, ObjectId, Scene};
 /// Scene: objects, their hierarchy and their occluder meshes.
 pub struct vis_scene(Guarded<State>);
 
-/// Scene with scratch memory for batches. Once the scratch memory has grown, frames allocate nothing.
+/// Scene with what draw lists and levels of detail know of its objects, and scratch memory for batches. Once
+/// the scratch memory has grown, frames allocate nothing.
 pub(crate) struct State {
     pub(crate) scene: Scene,
     pub(crate) moved: Vec<(ObjectId, Aabb)>,
     pub(crate) placed: Vec<(ObjectId, [f32; 12])>,
+    pub(crate) data: ObjectData,
     removed: Vec<ObjectId>,
 }
 
@@ -117,7 +120,8 @@ pub unsafe extern "C" fn vis_scene_create(scene: *mut *mut vis_scene) -> vis_sta
         // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let place = unsafe { out(scene, "scene") }?;
         let (moved, placed, removed) = (Vec::new(), Vec::new(), Vec::new());
-        create(place, vis_scene(Guarded::new(State { scene: Scene::new(), moved, placed, removed })));
+        let (scene, data) = (Scene::new(), ObjectData::default());
+        create(place, vis_scene(Guarded::new(State { scene, moved, placed, data, removed })));
         Ok(())
     })
 }
@@ -288,12 +292,35 @@ pub unsafe extern "C" fn vis_scene_set_draw_range(
     begin: f32,
     end: f32,
 ) -> vis_status {
-    border(|| {
-        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
-        let scene = unsafe { reference(scene, "scene") }?;
-        let range = DrawRange { begin, end, ..DrawRange::ALWAYS };
-        Ok(scene.write()?.scene.set_draw_range(ObjectId::from_bits(object), range)?)
-    })
+    let range = DrawRange { begin, end, ..DrawRange::ALWAYS };
+    // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+    border(|| unsafe { set_draw_range(scene, object, range) })
+}
+
+/// Sets the distances at which an object is drawn, as `vis_scene_set_draw_range` does, and the length
+/// `margin` in metres, finite, inside of the range, over which the object fades in from `begin` on and out up
+/// to `end`. A range from 0 does not fade in. `vis_lod` has the opacity. An object that fades hides nothing
+/// at any distance.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_scene_set_draw_range_with_margin(
+    scene: *mut vis_scene,
+    object: u64,
+    begin: f32,
+    end: f32,
+    margin: f32,
+) -> vis_status {
+    // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+    border(|| unsafe { set_draw_range(scene, object, DrawRange { begin, end, margin }) })
+}
+
+/// Sets the draw range of an object.
+///
+/// # Safety
+/// `scene` must be null or valid to read, by rule P1 of `visibility.h`.
+unsafe fn set_draw_range(scene: *mut vis_scene, object: u64, range: DrawRange) -> Result<(), Error> {
+    // SAFETY: the caller's promise.
+    let scene = unsafe { reference(scene, "scene") }?;
+    Ok(scene.write()?.scene.set_draw_range(ObjectId::from_bits(object), range)?)
 }
 
 /// Makes `parent` replace an object beyond the begin of the parent's draw range, for the stage

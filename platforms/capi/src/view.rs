@@ -2,7 +2,8 @@
 
 use crate::error::{Error, border, vis_status};
 use crate::handle::Guarded;
-use crate::pointer::{array, create, destroy, out, reference};
+use crate::numbers::finite;
+use crate::pointer::{array, buffer, create, destroy, out, reference};
 use crate::scene::VIS_ALL_LAYERS;
 use vis_depth::*;
 use visibility_core::geometry::Plane;
@@ -24,6 +25,13 @@ impl vis_view {
     pub(crate) fn get(&self) -> Result<View, Error> {
         let no_camera = || Error::new(vis_status::VIS_ERROR_STATE, "the view has no camera yet");
         self.0.read()?.camera.ok_or_else(no_camera)
+    }
+
+    /// Sets the camera and the layers, for a view that is the library's own.
+    #[cfg(feature = "whole")]
+    pub(crate) fn put(&self, camera: View) -> Result<(), Error> {
+        *self.0.write()? = State { camera: Some(camera), layers: camera.layers() };
+        Ok(())
     }
 
     fn set(&self, camera: View) -> Result<(), Error> {
@@ -91,7 +99,10 @@ fn camera(matrix: impl Into<ClipMatrix>, depth: u32, origin: Option<&[f64; 3]>) 
 ///
 /// # Safety
 /// The same as for [`reference`].
-unsafe fn optional_point<'a>(point: *const f64, name: &str) -> Result<Option<&'a [f64; 3]>, Error> {
+pub(crate) unsafe fn optional_point<'a>(
+    point: *const f64,
+    name: &str,
+) -> Result<Option<&'a [f64; 3]>, Error> {
     if point.is_null() {
         return Ok(None);
     }
@@ -227,6 +238,52 @@ pub unsafe extern "C" fn vis_view_set_clip_planes(
         let camera = view.get()?;
         let planes: Vec<Plane> = planes.iter().map(plane).collect();
         view.set(camera.with_clip_planes(&planes)?)
+    })
+}
+
+/// Writes the matrix of a view, from the world relative to the point `origin` (3 finite coordinates; null for
+/// the origin of the world) to clip space, in the depth convention of the view: 16 numbers, column-major. For
+/// views that the library makes: those of mirrors.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_view_matrix(
+    view: *const vis_view,
+    origin: *const f64,
+    matrix: *mut f64,
+) -> vis_status {
+    border(|| {
+        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 3 numbers of `origin`.
+        let (view, origin) = unsafe { (reference(view, "view")?, optional_point(origin, "origin")?) };
+        // SAFETY: by rule P2 of `visibility.h`, null or valid to write: 16 numbers.
+        let mut place = unsafe { out(matrix.cast::<[f64; 16]>(), "matrix") }?;
+        let origin = finite(origin.unwrap_or(&[0.0; 3]), "`origin`")?;
+        place.set(view.get()?.clip_from(origin).to_cols_array());
+        Ok(())
+    })
+}
+
+/// Writes the clip planes of a view, relative to the point `origin` (3 finite coordinates; null for the
+/// origin of the world): 4 numbers a, b, c, d each, whose side with a x + b y + c z + d >= 0 is seen.
+/// `capacity` and `count` are in numbers. A null or too short `planes` is handled as in `vis_visible_ids`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_view_clip_planes(
+    view: *const vis_view,
+    origin: *const f64,
+    planes: *mut f64,
+    capacity: usize,
+    count: *mut usize,
+) -> vis_status {
+    border(|| {
+        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 3 numbers of `origin`.
+        let (view, origin) = unsafe { (reference(view, "view")?, optional_point(origin, "origin")?) };
+        // SAFETY: by rule P2 of `visibility.h`, each pointer is null or valid to write.
+        let planes = unsafe { buffer(planes, capacity, count) }?;
+        let origin = finite(origin.unwrap_or(&[0.0; 3]), "`origin`")?;
+        let view = view.get()?;
+        let numbers = view.clip_planes().iter().flat_map(|plane| {
+            let offset = plane.signed_distance(origin - view.origin());
+            [plane.normal.x, plane.normal.y, plane.normal.z, offset]
+        });
+        planes.fill(4 * view.clip_planes().len(), numbers)
     })
 }
 

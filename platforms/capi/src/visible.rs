@@ -10,7 +10,7 @@ use visibility_core::{ObjectId, VisibleSet};
 
 /// Set of the objects that a view sees, the result of `vis_pipeline_cull`. Changes of the scene do not change
 /// the set. Once listed, a render thread can read it while the scene changes.
-pub struct vis_visible(Guarded<VisibleSet>);
+pub struct vis_visible(Guarded<VisibleSet>, bool);
 
 impl vis_visible {
     /// Returns the set of the last frame. An error if no frame was culled yet, since an empty list would mean
@@ -47,6 +47,22 @@ impl vis_visible {
         }
     }
 
+    /// Replaces the set by a copy of `other`, which has no changes, once `before` has succeeded. Whether the
+    /// set records changes stays.
+    pub(crate) fn copy(
+        &self,
+        other: &VisibleSet,
+        before: impl FnOnce() -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let mut set = self.write()?;
+        before()?;
+        set.clone_from(other);
+        if self.1 {
+            *set = std::mem::take(&mut *set).with_changes();
+        }
+        Ok(())
+    }
+
     pub(crate) fn write(&self) -> Result<RwLockWriteGuard<'_, VisibleSet>, Error> {
         self.0.write()
     }
@@ -63,7 +79,7 @@ pub unsafe extern "C" fn vis_visible_create(
         // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let place = unsafe { out(visible, "visible") }?;
         let set = if with_changes { VisibleSet::new().with_changes() } else { VisibleSet::new() };
-        create(place, vis_visible(Guarded::new(set)));
+        create(place, vis_visible(Guarded::new(set), with_changes));
         Ok(())
     })
 }

@@ -69,7 +69,7 @@ fn no_number_makes_a_call_panic() {
         for round in 0..20_000 {
             let (id, mesh) = (ids[rng.below(ids.len())], meshes[rng.below(meshes.len())]);
             let index = || number(&mut Random(round)) as u32;
-            let status = match rng.below(28) {
+            let status = match rng.below(31) {
                 0 => {
                     let flags = rng.below(17) as u32;
                     let object = vis_object_desc { flags, ..vis_object_default(random_box(rng)) };
@@ -258,6 +258,68 @@ fn no_number_makes_a_call_panic() {
                         vis_scene_ray_hits(scene, origin, along, most, layers, null_mut(), 0, &mut count);
                     assert_ne!(all, VIS_ERROR_PANIC, "round {round}");
                     vis_scene_first_hit(scene, origin, along, most, layers, &mut hit)
+                }
+                27 => {
+                    let sizes = numbers::<3>(rng).map(|x| x as f32);
+                    let keys = [index(); 1];
+                    let lodged = vis_scene_set_lod_sizes(scene, &id, 1, sizes.as_ptr(), rng.below(4));
+                    assert_ne!(lodged, VIS_ERROR_PANIC, "round {round}");
+                    let keyed = vis_scene_set_draw_keys(scene, &id, keys.as_ptr(), 1);
+                    assert_ne!(keyed, VIS_ERROR_PANIC, "round {round}");
+                    let [begin, end, margin] = numbers::<3>(rng).map(|x| x as f32);
+                    vis_scene_set_draw_range_with_margin(scene, id, begin, end, margin)
+                }
+                28 => {
+                    let (height, eye, mut own) = (number(rng), numbers::<3>(rng), null_mut());
+                    let changed = vis_pipeline_set_contribution(pipeline, height, number(rng), eye.as_ptr());
+                    assert_ne!(changed, VIS_ERROR_PANIC, "round {round}");
+                    let fade = number(rng) as f32;
+                    let mut status = vis_lods_create(height, number(rng), fade, &mut own);
+                    if status == VIS_OK {
+                        let draw = make(vis_draw_list_create);
+                        let seconds = number(rng) as f32;
+                        for call in [
+                            vis_lods_set_distance_eye(own, eye.as_ptr()),
+                            vis_lods_select(own, scene, view, visible, seconds),
+                            vis_draw_list_group_fading(draw, scene, own),
+                            vis_draw_list_group_levels(draw, scene, own),
+                        ] {
+                            assert_ne!(call, VIS_ERROR_PANIC, "round {round}");
+                        }
+                        status = vis_draw_list_group(draw, scene, visible);
+                        vis_draw_list_destroy(draw);
+                        vis_lods_destroy(own);
+                    }
+                    status
+                }
+                29 => {
+                    let (size, corners) = (numbers::<3>(rng).map(f64::abs), numbers::<9>(rng));
+                    let (mut of, mut hall, mut mirror) = (null_mut(), null_mut(), 0);
+                    let room = vis_volume { min: [0.0; 3], max: size, first_plane: 0, plane_count: 0 };
+                    let mut empty = null_mut();
+                    ok(vis_graph_create(1, null(), 0, null(), 0, &mut empty));
+                    let mut status = vis_cells_create(empty, &room, 1, null(), 0, number(rng), &mut hall);
+                    if status == VIS_OK {
+                        status = vis_cells_add_mirror(hall, 0, corners.as_ptr(), 3, &mut mirror);
+                        ok(vis_reflections_create(hall, 3, 2, &mut of));
+                        let (own, mirrored) = (make(vis_pipeline_create), make(vis_view_create));
+                        ok(vis_pipeline_add_reflections(own, of));
+                        let (mut matrix, origin) = ([0.0; 16], numbers::<3>(rng));
+                        for call in [
+                            vis_pipeline_cull(own, scene, view, visible, null_mut()),
+                            vis_reflections_read(of, 0, mirrored, visible),
+                            vis_view_matrix(mirrored, origin.as_ptr(), matrix.as_mut_ptr()),
+                            vis_view_clip_planes(mirrored, origin.as_ptr(), null_mut(), 0, &mut count),
+                        ] {
+                            assert_ne!(call, VIS_ERROR_PANIC, "round {round}");
+                        }
+                        vis_view_destroy(mirrored);
+                        vis_pipeline_destroy(own);
+                        vis_reflections_destroy(of);
+                        vis_cells_destroy(hall);
+                    }
+                    vis_graph_destroy(empty);
+                    status
                 }
                 _ => vis_pipeline_cull(pipeline, scene, view, visible, null_mut()),
             };

@@ -15,7 +15,8 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 fn warm_frames_allocate_nothing() {
     const COUNT: usize = 5000;
     let (scene, view, pipeline) = (make(vis_scene_create), make(vis_view_create), make(vis_pipeline_create));
-    let mut visible = null_mut();
+    let (mut visible, mut lods, list) = (null_mut(), null_mut(), make(vis_draw_list_create));
+    let mut groups = [vis_draw_group { key: 0, first: 0, count: 0 }; 27];
     let cube = |i: usize, step: f32| {
         let corner = [(i / 70) as f32 * 2.0 + step, (i % 70) as f32 * 2.0 - 70.0, 0.0];
         vis_box { min: corner, max: corner.map(|x| x + 1.0) }
@@ -30,6 +31,9 @@ fn warm_frames_allocate_nothing() {
         ok(vis_pipeline_add_frustum(pipeline));
         ok(vis_pipeline_add_z_buffer(pipeline, 0, 0));
         ok(vis_scene_insert_batch(scene, descs.as_ptr(), COUNT, ids.as_mut_ptr()));
+        ok(vis_lods_create(1080.0, 0.1, 0.05, &raw mut lods));
+        ok(vis_scene_set_lod_sizes(scene, ids.as_ptr(), COUNT, [50.0, 20.0].as_ptr(), 2));
+        let keys: Vec<u32> = (0..COUNT as u32).map(|index| index % 9 * 3).collect();
         let (placed, boxed) = ids.split_at(COUNT / 2);
         for &id in placed {
             ok(vis_scene_set_local_bounds(scene, id, &cube(0, 0.0)));
@@ -59,6 +63,12 @@ fn warm_frames_allocate_nothing() {
             seen += count;
             ok(vis_visible_write_bits(visible, scene, bits.as_mut_ptr(), bits.len(), &raw mut count));
             ok(vis_visible_newly_visible(visible, draw.as_mut_ptr(), COUNT, &raw mut count));
+            ok(vis_scene_set_draw_keys(scene, ids.as_ptr(), keys.as_ptr(), COUNT));
+            ok(vis_lods_select(lods, scene, view, visible, 0.02));
+            ok(vis_draw_list_group_levels(list, scene, lods));
+            ok(vis_draw_list_groups(list, groups.as_mut_ptr(), groups.len(), &raw mut count));
+            ok(vis_draw_list_group_fading(list, scene, lods));
+            ok(vis_draw_list_instances(list, bits.as_mut_ptr(), bits.len(), &raw mut count));
             if frame >= 20 {
                 assert_eq!(ALLOCATIONS.get(), before, "frame {frame}");
             }

@@ -188,7 +188,7 @@ impl Scene {
     /// - "occlusion_tree": a tree of the shadows of the largest polygons.
     /// - Cells: what is seen through open portals of a building.
     ///
-    /// False or an empty list: none.
+    /// False or an empty list: none. None, as without the argument: True.
     #[pyo3(
         signature = (view, *, occlusion=None, mask=false),
         text_signature = "($self, view, *, occlusion=True, mask=False)"

@@ -57,6 +57,7 @@ def test_cullers_apply_in_turn(town):
         assert missed(town, view, sorted(together)) == []
         assert set(town.cull(view, occlusion=[])) == set(town.cull(view, occlusion=False))
         assert set(town.cull(view, occlusion=True)) == set(town.cull(view)) == alone[0]
+        assert set(town.cull(view, occlusion=None)) == alone[0]
 
 
 def test_the_horizon_has_an_axis():

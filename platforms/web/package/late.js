@@ -417,7 +417,7 @@ export class LateAnswers {
       this.#isAsked = false;
       if (this.#answer) this.#free.push(this.#answer.view);
       this.#answer = { ...answer, view, asked, number: this.#number++ };
-      Object.assign(this.stats, { workerMs: answer.milliseconds, occluders: answer.occluders ?? 0 });
+      Object.assign(this.stats, { workerMs: answer.milliseconds ?? 0, occluders: answer.occluders ?? 0 });
     });
   }
 

@@ -20,8 +20,9 @@ export type MeshId = bigint;
 /** Loads the library: without options, the whole module with SIMD instructions where the browser has them. */
 export function load(options?: {
   /**
-   * Whether to take the small module, of half the size: scenes and their occluders, views, visible sets, and
-   * pipelines of frustum, size and z-buffer with a reach. What else is called throws an error of code `STATE`.
+   * Whether to take the small module, of a third of the size: scenes and their occluders, views, visible sets,
+   * pipelines of frustum, size and z-buffer with a reach, levels of detail and draw lists. What else is called throws
+   * an error of code `STATE`.
    */
   frames?: boolean;
   /** Whether to take the module with 128-bit SIMD instructions. Both give the same answers. */
@@ -179,6 +180,40 @@ export interface OnlineStep {
   stats: Stats;
 }
 
+/**
+ * The level of detail to draw for a visible object. While `fade` is less than 1, `previous` is drawn too: the weight of
+ * `level` is `fade * opacity`, that of `previous` is `(1 - fade) * opacity`.
+ */
+export interface Lod {
+  /** 0 for the finest. */
+  level: number;
+  /** Level that `level` replaces; equal to `level` while no cross-fade is in progress. */
+  previous: number;
+  /** Weight of `level` in the cross-fade, from 0 to 1; 1 while none is in progress. */
+  fade: number;
+  /** Opacity by the draw range: less than 1 only for an object that fades, by the `margin` of `setDrawRange`. */
+  opacity: number;
+}
+
+/** A mirror that is seen in a frame. */
+export interface Reflection {
+  /** Number of the mirror, as `Cells.addMirror` returned it. */
+  mirror: number;
+  /** Number of the reflection in which the mirror is seen; null if the eye sees it itself. */
+  parent: number | null;
+  /** Number of mirrors along the lines of sight: 1 if the eye sees the mirror itself. */
+  depth: number;
+}
+
+/** Levels of detail of many objects: of each property a list, in the same order. */
+export interface SelectedLods {
+  ids: BigUint64Array;
+  levels: Uint8Array;
+  previous: Uint8Array;
+  fades: Float32Array;
+  opacities: Float32Array;
+}
+
 /** How a result differs from what a software renderer sees. */
 export interface Comparison {
   reportedObjects: number;
@@ -207,6 +242,14 @@ export interface Visibility {
   /** Creates a set for the results of one view; with `changes`, it also tells what appeared and vanished. */
   createVisible(options?: { changes?: boolean }): Visible;
   /**
+   * Creates levels of detail for one view, whose pictures are so many pixels high. A level changes only when the size is
+   * beyond its limit by the fraction `hysteresis`, 0 to 0.9 and 0.1 by default, and in a cross-fade of `fade` seconds,
+   * 0.25 by default, 0 for none.
+   */
+  createLods(pictureHeight: number, options?: { hysteresis?: number; fade?: number }): Lods;
+  /** Creates an empty draw list. */
+  createDrawList(): DrawList;
+  /**
    * Creates a software renderer of so many pixels that judges results: for tests and tools, not for frames.
    */
   createJudge(width: number, height: number): Judge;
@@ -227,6 +270,11 @@ export interface Visibility {
    * layers as they are now: for views that show them all. Takes from milliseconds to minutes.
    */
   createCellsOfScene(scene: Scene, options?: { maxCells?: number }): Cells & { readonly count: number };
+  /**
+   * Creates reflections of one view in the mirrors of cells: at most `maxCount` in a frame, 8 by default, and at most
+   * `maxDepth` mirrors along a line of sight, 2 by default.
+   */
+  createReflections(cells: Cells, options?: { maxCount?: number; maxDepth?: number }): Reflections;
   /**
    * Creates sets of what can be seen around one eye on the move. `viewcell` and `wide` are the sizes along x, y and
    * z, in metres, of the viewcells and of the wide boxes that these lie in, which are at least as large: 0.6 m and
@@ -343,12 +391,28 @@ export interface Scene extends Handle {
   setTransforms(ids: ArrayLike<ObjectId>, matrices: Numbers): void;
   setLayers(id: ObjectId, layers: number): void;
   setFlags(id: ObjectId, flags: number): void;
-  /** Sets the distances at which an object is drawn, for `addContribution`. */
-  setDrawRange(id: ObjectId, begin: number, end?: number): void;
+  /**
+   * Sets the distances at which an object is drawn, for `addContribution`. With a `margin`, 0 by default, the object
+   * fades over that length inside of the range, from `begin` on and out up to `end`, by the `opacity` of `Lods`; a range
+   * from 0 does not fade in. An object that fades hides nothing.
+   */
+  setDrawRange(id: ObjectId, begin: number, end?: number, margin?: number): void;
   /**
    * Makes `parent` stand in for an object beyond the begin of the parent's draw range, for `addContribution`.
    */
   setHlodParent(id: ObjectId, parent?: ObjectId): void;
+  /**
+   * Gives objects the same levels of detail, those of their mesh, for `Lods`: the sizes in pixels that divide the levels,
+   * at most 255. With `[200, 50]`, level 0 is for 200 pixels and more, level 1 for 50 and more, level 2 for all below.
+   * Without sizes, as for new objects, the level is 0. Each different list of sizes that an object is given is kept as
+   * long as the scene.
+   */
+  setLodSizes(ids: ArrayLike<ObjectId>, sizes: Numbers): void;
+  /**
+   * Gives each object its key in draw lists: the number of its mesh, of its material, of the first level of its mesh, or
+   * several of them in one number; at most 4294967040. New objects have key 0.
+   */
+  setDrawKeys(ids: ArrayLike<ObjectId>, keys: Numbers): void;
   /**
    * Stores an occluder mesh for any number of objects: 3 numbers a vertex, 3 indices a triangle,
    * counter-clockwise from the front. Each pixel that it covers must be covered by the object as drawn, or
@@ -423,6 +487,13 @@ export interface View extends Handle {
   setOrthographic(camera: Pose & { width: number; height: number; near: number; far: number }): void;
   setLayers(layers: number): void;
   /**
+   * The matrix from the world, relative to a point of it or to its origin, to clip space, column-major, in the depth
+   * convention of the view. For views that the library makes: those of mirrors.
+   */
+  matrix(origin?: Triple): Float64Array;
+  /** The clip planes, relative to a point of the world or to its origin: see `setClipPlanes`. */
+  clipPlanes(origin?: Triple): Float64Array[];
+  /**
    * Whether an answer made for the view `of`, with a reach of so many metres and radians, is good for this view:
    * see `Pipeline.setReach`. False for parallel views and views with clip planes.
    */
@@ -441,11 +512,23 @@ export interface Pipeline extends Handle {
    */
   addContribution(pictureHeight: number, leastPixels: number): this;
   /**
+   * Changes what `addContribution` added last, for later frames. Distances of draw ranges and HLOD parents are measured
+   * from `distanceEye`, a point of the world, or from the view's own eye without it: a view of a light gets the eye of
+   * the camera, so that it shows the objects that the camera shows. Reflections of the pipeline have it anyway.
+   */
+  setContribution(pictureHeight: number, leastPixels: number, distanceEye?: Triple): void;
+  /**
    * Removes what occluders hide, by a z-buffer of this size in pixels, 512 x 288 by default. Conservative.
    */
   addZBuffer(width?: number, height?: number): this;
   /** Removes what is not seen through the open portals of a building. Conservative. */
   addPortals(cells: Cells): this;
+  /**
+   * As `addPortals`, by the cells of the reflections, and finds what is seen in mirrors. The reflections are those of the
+   * last frame of the pipeline, so each pipeline needs reflections of its own. With `addContribution`, what mirrors show
+   * is culled as well, by sizes in the mirror and distances from the eye of the camera.
+   */
+  addReflections(reflections: Reflections): this;
   /** Removes what a baked set excludes. Conservative if the set is. */
   addPvs(pvs: ScenePvs): this;
   /**
@@ -519,6 +602,59 @@ export interface Visible extends Handle {
   sortByIndex(scene: Scene): void;
 }
 
+/** Levels of detail of the visible objects of one view, with those of the frame before. */
+export interface Lods extends Handle {
+  /** Sets the height in pixels of the pictures of later frames. */
+  setPictureHeight(pictureHeight: number): void;
+  /**
+   * Sets the point of the world from which the distances of draw ranges are measured in later frames; without it the
+   * view's own eye. For views of lights and mirrors.
+   */
+  setDistanceEye(eye?: Triple): void;
+  /**
+   * Chooses the level of each object of `visible`, the set of this view's frame, by its size in pixels and the sizes of
+   * `Scene.setLodSizes`; once per frame. The size is the diameter in pixels of the sphere around the object's box, as if
+   * it were at the nearest point of the box in the middle of the picture. Cross-fades advance by `elapsedSeconds`, the
+   * time since the frame before. An object that was not visible in the frame before has the level of its size at once.
+   */
+  select(scene: Scene, view: View, visible: Visible, elapsedSeconds: number): void;
+  /** The levels of the visible objects of the last frame, in the order of the visible set. */
+  readonly selected: SelectedLods;
+  /** The level of one object in the last frame; null if it was not visible. */
+  lod(id: ObjectId): Lod | null;
+  /** Forgets earlier frames, so that the next one begins without cross-fades: after a cut of the camera. */
+  reset(): void;
+}
+
+/** Visible objects grouped by the keys of `Scene.setDrawKeys`. Kept from frame to frame. */
+export interface DrawList extends Handle {
+  /**
+   * Replaces the content by the visible objects that are still in the scene, in groups of one key: groups in the order
+   * of their keys, the objects of a group in the order of the visible set.
+   */
+  group(scene: Scene, visible: Visible): void;
+  /**
+   * Replaces the content by the objects of the last frame of `lods` that are still in the scene. The key of a group is
+   * the sum of the objects' key and the level to draw, so the levels of a mesh have keys one after another.
+   */
+  groupLevels(scene: Scene, lods: Lods): void;
+  /**
+   * As `groupLevels`, for the objects in a cross-fade alone, by the level that fades out: what is drawn a second time.
+   */
+  groupFading(scene: Scene, lods: Lods): void;
+  /** The groups by ascending key, 3 numbers each: key, position of the first object in `instances`, number of objects. */
+  readonly groups: Uint32Array;
+  /** The index of each object, group after group: the buffer in which a shader looks up the object of an instance. */
+  readonly instances: Uint32Array;
+  /**
+   * The commands that draw the groups, one each, as WebGPU's `drawIndexedIndirect` reads them: 5 numbers, which are the
+   * number of indices, the number of instances, the first index, the base vertex (signed) and the first instance. Those
+   * of a key in `meshes` draw its mesh, whose instances are replaced by those of the group. Throws "ARGUMENT" if
+   * `meshes` has no command for a key.
+   */
+  commands(meshes: Numbers): Uint32Array;
+}
+
 export interface Judge extends Handle {
   /** Draws all triangles of the scene for the view, and compares the result of a pipeline with what shows. */
   compare(scene: Scene, view: View, visible: Visible): Comparison;
@@ -538,8 +674,36 @@ export interface Cells extends Handle {
   setOpen(portal: number, open: boolean): void;
   /** Sets in which directions an open portal can be seen through. */
   setPassage(portal: number, directions: { forward: boolean; backward: boolean }): void;
+  /**
+   * Adds a mirror on the boundary of a cell, and returns its number. Its vertices make a convex polygon in a plane,
+   * counter-clockwise as seen from within the cell. If the glass itself is drawn, it is an object of the scene.
+   */
+  addMirror(cell: number, vertices: readonly Triple[]): number;
+  /** Sets whether a mirror reflects, as new mirrors do, or is covered and shows nothing. */
+  setMirror(mirror: number, uncovered: boolean): void;
   /** Whether one cell may see another through the portals that are open now. */
   canSee(from: number, to: number): boolean;
+}
+
+/** Portal culling of one view with reflections in mirrors. */
+export interface Reflections extends Handle {
+  /**
+   * The reflections of the last frame, numbered from 0. Each comes after the one that it is seen in. In the next frame, a
+   * number may be that of another mirror: levels of detail need a `Lods` for each chain of mirrors, or `Lods.reset`.
+   */
+  readonly list: Reflection[];
+  /**
+   * How many mirrors were seen in the last frame and have no reflection, since there were too many; also counts those with
+   * a reflection in which no mirrors are looked for.
+   */
+  readonly leftOut: number;
+  /**
+   * Reads a reflection. Sets `view` to the view to draw it with, to the pixels that the mirror covers: `view.matrix()` and
+   * `view.clipPlanes()` have its matrix and its clip plane, which cuts away what is behind the mirror. Triangles change
+   * their winding. Sets `visible` to the objects to draw in it, without changes; the next frame of a set with `changes`
+   * then has all its objects as newly visible.
+   */
+  read(number: number, view: View, visible: Visible): void;
 }
 
 /**

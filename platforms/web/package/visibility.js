@@ -43,10 +43,14 @@ const WALL_BYTES = 40;
 const WALL_HIT_BYTES = 24;
 const LIGHT_BYTES = 72;
 const RAY_HIT_BYTES = 16;
+const LOD_BYTES = 24;
+const GROUP_BYTES = 12;
+const COMMAND_BYTES = 20;
+const REFLECTION_BYTES = 12;
 /** Numbers of `vis_light_kind`. */
 const [DIRECTIONAL, POINT, SPOT] = [0, 1, 2];
-/** `VIS_NO_WALL` of the header. */
-const NO_WALL = 0xffffffff;
+/** `VIS_NO_WALL` and `VIS_NO_REFLECTION` of the header. */
+const [NO_WALL, NO_REFLECTION] = [0xffffffff, 0xffffffff];
 /** Bytes that a list is offered at least. */
 const LEAST_ROOM = 1 << 12;
 /** Bytes of memory for arguments that are kept from call to call at most. */
@@ -323,6 +327,11 @@ class Wasm {
     return this.put(Float64Array, triple(numbers, name));
   }
 
+  /** Puts a point, or nothing for none. */
+  optionalPoint(numbers, name) {
+    return numbers ? this.point(numbers, name) : 0;
+  }
+
   /** Puts elements of `each` numbers: pointer and count. */
   numbers(array, each, name) {
     const count = elements(array, each, name);
@@ -497,6 +506,14 @@ class Visibility {
     return Handle.made(Visible, this.#wasm, "visible", "vis_visible_create", bit(changes, "changes"));
   }
 
+  createLods(pictureHeight, { hysteresis = 0.1, fade = 0.25 } = {}) {
+    return Handle.made(Lods, this.#wasm, "lods", "vis_lods_create", pictureHeight, hysteresis, fade);
+  }
+
+  createDrawList() {
+    return Handle.made(DrawList, this.#wasm, "draw_list", "vis_draw_list_create");
+  }
+
   createJudge(width, height) {
     return Handle.made(Judge, this.#wasm, "measure", "vis_measure_create", width, height);
   }
@@ -544,6 +561,12 @@ class Visibility {
       cells.count = wasm.u32(count);
       return cells;
     });
+  }
+
+  createReflections(cells, { maxCount = 8, maxDepth = 2 } = {}) {
+    const wasm = this.#wasm;
+    const of = [wasm.pointer(cells, "cells"), whole(maxCount, "maxCount"), whole(maxDepth, "maxDepth")];
+    return Handle.made(Reflections, wasm, "reflections", "vis_reflections_create", ...of);
   }
 
   createOnline({ viewcell, wide, margin = 0 } = {}) {
@@ -766,12 +789,29 @@ class Scene extends Handle {
     this.wasm.call((wasm) => wasm.check("vis_scene_set_flags", this.pointer, id, whole(flags, "flags")));
   }
 
-  setDrawRange(id, begin, end = Infinity) {
-    this.wasm.call((wasm) => wasm.check("vis_scene_set_draw_range", this.pointer, id, begin, end));
+  setDrawRange(id, begin, end = Infinity, margin = 0) {
+    const range = [begin, end, margin];
+    this.wasm.call((wasm) => wasm.check("vis_scene_set_draw_range_with_margin", this.pointer, id, ...range));
   }
 
   setHlodParent(id, parent = NO_OBJECT) {
     this.wasm.call((wasm) => wasm.check("vis_scene_set_hlod_parent", this.pointer, id, parent));
+  }
+
+  setLodSizes(ids, sizes) {
+    this.wasm.call((wasm) => {
+      const of = [wasm.put(BigUint64Array, ids), ids.length, wasm.put(Float32Array, sizes), sizes.length];
+      wasm.check("vis_scene_set_lod_sizes", this.pointer, ...of);
+    });
+  }
+
+  setDrawKeys(ids, keys) {
+    this.wasm.call((wasm) => {
+      if (Array.prototype.some.call(sameLength(keys, ids.length, "keys"), (key) => key < 0))
+        refuse("`keys` has a negative number");
+      const of = [wasm.put(BigUint64Array, ids), wasm.put(Uint32Array, keys)];
+      wasm.check("vis_scene_set_draw_keys", this.pointer, ...of, ids.length);
+    });
   }
 
   addMesh({ positions, indices, twoSided = false } = {}) {
@@ -872,7 +912,7 @@ class View extends Handle {
     this.wasm.call((wasm) => {
       sameLength(matrix, 16, "matrix");
       const [Type, suffix] = matrix instanceof Float32Array ? [Float32Array, ""] : [Float64Array, "_f64"];
-      const from = origin ? wasm.put(Float64Array, triple(origin, "origin")) : 0;
+      const from = wasm.optionalPoint(origin, "origin");
       const parameters = [wasm.put(Type, matrix), whole(depth, "depth"), from];
       wasm.check(`vis_view_set_matrix${suffix}`, this.pointer, ...parameters);
     });
@@ -894,6 +934,22 @@ class View extends Handle {
     this.wasm.call((wasm) => wasm.check("vis_view_set_layers", this.pointer, whole(layers, "layers")));
   }
 
+  matrix(origin) {
+    return this.wasm.call((wasm) => {
+      const [from, place] = [wasm.optionalPoint(origin, "origin"), wasm.borrow(128)];
+      wasm.check("vis_view_matrix", this.pointer, from, place);
+      return new Float64Array(wasm.exports.memory.buffer, place, 16).slice();
+    });
+  }
+
+  clipPlanes(origin) {
+    return this.wasm.call((wasm) => {
+      const from = wasm.optionalPoint(origin, "origin");
+      const numbers = wasm.list(Float64Array, "vis_view_clip_planes", this.pointer, from);
+      return Array.from({ length: numbers.length / 4 }, (_, i) => numbers.slice(4 * i, 4 * i + 4));
+    });
+  }
+
   isWithinReach(of, metres, radians) {
     const parameters = [this.wasm.pointer(of, "view"), metres, radians];
     return this.wasm.truth("vis_view_is_within_reach", this.pointer, ...parameters);
@@ -908,6 +964,9 @@ class View extends Handle {
 }
 
 class Pipeline extends Handle {
+  /** Reflections of its stages, whose sets are read by the scene of the last frame. */
+  #reflections = [];
+
   /** Appends a stage, and returns the pipeline for the next. */
   #add(stage, ...parameters) {
     this.wasm.call((wasm) => wasm.check(`vis_pipeline_add_${stage}`, this.pointer, ...parameters));
@@ -928,6 +987,12 @@ class Pipeline extends Handle {
 
   addPortals(cells) {
     return this.#add("portals", this.wasm.pointer(cells, "cells"));
+  }
+
+  addReflections(reflections) {
+    this.#add("reflections", this.wasm.pointer(reflections, "reflections"));
+    this.#reflections.push(reflections);
+    return this;
   }
 
   addPvs(scenePvs) {
@@ -954,6 +1019,13 @@ class Pipeline extends Handle {
     });
   }
 
+  setContribution(pictureHeight, leastPixels, distanceEye) {
+    this.wasm.call((wasm) => {
+      const eye = wasm.optionalPoint(distanceEye, "distanceEye");
+      wasm.check("vis_pipeline_set_contribution", this.pointer, pictureHeight, leastPixels, eye);
+    });
+  }
+
   setReach(metres, radians) {
     this.wasm.call((wasm) => wasm.check("vis_pipeline_set_reach", this.pointer, metres, radians));
   }
@@ -967,6 +1039,7 @@ class Pipeline extends Handle {
       const place = wasm.borrow(STATS_BYTES);
       wasm.check("vis_pipeline_cull", this.pointer, ...wasm.frame(scene, view, visible), place);
       visible.scene = scene;
+      for (const reflections of this.#reflections) reflections.scene = scene;
       return stats(wasm, place);
     });
   }
@@ -1075,6 +1148,103 @@ class Visible extends Handle {
   }
 }
 
+class Lods extends Handle {
+  setPictureHeight(pictureHeight) {
+    this.wasm.call((wasm) => wasm.check("vis_lods_set_picture_height", this.pointer, pictureHeight));
+  }
+
+  setDistanceEye(eye) {
+    this.wasm.call((wasm) =>
+      wasm.check("vis_lods_set_distance_eye", this.pointer, wasm.optionalPoint(eye, "eye")),
+    );
+  }
+
+  select(scene, view, visible, elapsedSeconds) {
+    this.wasm.call((wasm) =>
+      wasm.check("vis_lods_select", this.pointer, ...wasm.frame(scene, view, visible), elapsedSeconds),
+    );
+  }
+
+  get selected() {
+    return this.wasm.call((wasm) => {
+      const [at, length] = wasm.listed(LOD_BYTES, "vis_lods_selected", this.pointer);
+      const { buffer } = wasm.exports.memory;
+      const [words, floats] = [Uint32Array, Float32Array].map((Type) => new Type(buffer, at, 6 * length));
+      const ids = new BigUint64Array(buffer, at, 3 * length);
+      const column = (Type, from, first, each) => {
+        const values = new Type(length);
+        for (let i = 0; i < length; i++) values[i] = from[each * i + first];
+        return values;
+      };
+      return {
+        ids: column(BigUint64Array, ids, 0, 3),
+        levels: column(Uint8Array, words, 2, 6),
+        previous: column(Uint8Array, words, 3, 6),
+        fades: column(Float32Array, floats, 4, 6),
+        opacities: column(Float32Array, floats, 5, 6),
+      };
+    });
+  }
+
+  lod(id) {
+    return this.wasm.call((wasm) => {
+      const at = wasm.borrow(LOD_BYTES);
+      wasm.check("vis_lods_lod", this.pointer, id, at);
+      const data = wasm.data();
+      if (data.getBigUint64(at, true) === NO_OBJECT) return null;
+      const [level, previous] = [8, 12].map((offset) => data.getUint32(at + offset, true));
+      const [fade, opacity] = [16, 20].map((offset) => data.getFloat32(at + offset, true));
+      return { level, previous, fade, opacity };
+    });
+  }
+
+  reset() {
+    this.wasm.call((wasm) => wasm.check("vis_lods_reset", this.pointer));
+  }
+}
+
+class DrawList extends Handle {
+  group(scene, visible) {
+    this.#group("group", scene, visible, "visible");
+  }
+
+  groupLevels(scene, lods) {
+    this.#group("group_levels", scene, lods, "lods");
+  }
+
+  groupFading(scene, lods) {
+    this.#group("group_fading", scene, lods, "lods");
+  }
+
+  #group(name, scene, of, kind) {
+    this.wasm.call((wasm) => {
+      const from = [wasm.pointer(scene, "scene"), wasm.pointer(of, kind)];
+      wasm.check(`vis_draw_list_${name}`, this.pointer, ...from);
+    });
+  }
+
+  get groups() {
+    return this.#words(GROUP_BYTES, "vis_draw_list_groups");
+  }
+
+  get instances() {
+    return this.wasm.list(Uint32Array, "vis_draw_list_instances", this.pointer);
+  }
+
+  commands(meshes) {
+    const count = elements(meshes, COMMAND_BYTES / 4, "meshes");
+    return this.#words(COMMAND_BYTES, "vis_draw_list_commands", (wasm) => [wasm.put(Uint32Array, meshes), count]);
+  }
+
+  /** Returns a copy of a list of structures of so many bytes, all of whose fields are numbers of 32 bits. */
+  #words(bytes, name, parameters = () => []) {
+    return this.wasm.call((wasm) => {
+      const [at, length] = wasm.listed(bytes, name, this.pointer, ...parameters(wasm));
+      return new Uint32Array(wasm.exports.memory.buffer, at, (length * bytes) / 4).slice();
+    });
+  }
+}
+
 class Judge extends Handle {
   compare(scene, view, visible) {
     return this.wasm.call((wasm) => {
@@ -1119,8 +1289,45 @@ class Cells extends Handle {
     this.wasm.call((wasm) => wasm.check("vis_cells_set_passage", this.pointer, ...parameters));
   }
 
+  addMirror(cell, vertices) {
+    return this.wasm.call((wasm) => {
+      const points = wasm.put(Float64Array, flatten(vertices, 3, "a vertex"));
+      return wasm.number("vis_cells_add_mirror", this.pointer, whole(cell, "cell"), points, vertices.length);
+    });
+  }
+
+  setMirror(mirror, uncovered) {
+    const parameters = [whole(mirror, "mirror"), bit(uncovered, "uncovered")];
+    this.wasm.call((wasm) => wasm.check("vis_cells_set_mirror", this.pointer, ...parameters));
+  }
+
   canSee(from, to) {
     return this.wasm.truth("vis_cells_can_see", this.pointer, whole(from, "from"), whole(to, "to"));
+  }
+}
+
+class Reflections extends Handle {
+  get list() {
+    return this.wasm.call((wasm) => {
+      const [at, length] = wasm.listed(REFLECTION_BYTES, "vis_reflections_list", this.pointer);
+      const words = new Uint32Array(wasm.exports.memory.buffer, at, 3 * length);
+      return Array.from({ length }, (_, i) => {
+        const [mirror, parent, depth] = words.subarray(3 * i, 3 * i + 3);
+        return { mirror, parent: parent === NO_REFLECTION ? null : parent, depth };
+      });
+    });
+  }
+
+  get leftOut() {
+    return this.wasm.number("vis_reflections_left_out", this.pointer);
+  }
+
+  read(number, view, visible) {
+    this.wasm.call((wasm) => {
+      const to = [wasm.pointer(view, "view"), wasm.pointer(visible, "visible")];
+      wasm.check("vis_reflections_read", this.pointer, whole(number, "number"), ...to);
+      visible.scene = this.scene;
+    });
   }
 }
 

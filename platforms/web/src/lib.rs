@@ -16,6 +16,12 @@ const _: () = {
         size_of::<vis_pose>() == 72 && size_of::<vis_stats>() == 40,
         "sizes in bytes of the header's structures"
     );
+    assert!(
+        size_of::<vis_lod>() == 24
+            && size_of::<vis_draw_group>() == 12
+            && size_of::<vis_draw_command>() == 20,
+        "sizes in bytes of the header's structures"
+    );
 };
 
 /// As above, of what only the whole module has.
@@ -33,6 +39,7 @@ const _: () = {
         size_of::<vis_wall>() == 40 && size_of::<vis_reach>() == 56 && size_of::<vis_wall_hit>() == 24,
         "sizes in bytes of the header's structures"
     );
+    assert!(size_of::<vis_reflection>() == 12, "sizes in bytes of the header's structures");
     assert!(
         size_of::<vis_light>() == 72 && size_of::<vis_ray_hit>() == 16,
         "sizes in bytes of the header's structures"

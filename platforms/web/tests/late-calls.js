@@ -4,7 +4,7 @@
 
 import assert from "node:assert/strict";
 import test from "node:test";
-import { LateScene } from "../package/late.js";
+import { LateAnswers, LateScene } from "../package/late.js";
 import { Flag, NO_OBJECT, indexOf, load } from "../package/visibility.js";
 import { serve, serveLoaded } from "../package/late-worker.js";
 import { Workers } from "../page/workers.js";
@@ -280,6 +280,17 @@ test("a worker whose library cannot be loaded answers what came before as well, 
   deliver();
   assert.deepEqual([answers.length, scene.refusals.length], [102, 64]);
   assert.match(scene.refusals[63], /no module/);
+  // Its answers took no time that it could tell.
+  const late = new LateAnswers(visibility, scene);
+  const camera = { eye: [0, 0, 0], target: [1, 0, 0], up: [0, 0, 1], fovY: 1, aspect: 1, near: 0.1, far: 100 };
+  const view = visibility.createView();
+  view.setPerspective(camera);
+  for (let frame = 0; frame < 2; frame++) {
+    assert.deepEqual([...late.apply(view, ["setPerspective", camera], Uint32Array.of(5))], [5], `frame ${frame}`);
+    deliver();
+    deliver();
+  }
+  assert.deepEqual([late.stats.workerMs, late.stats.reason], [0, "no answer for a reach"]);
 });
 
 test("the page bakes boxes anew for occluders that have come since", () => {

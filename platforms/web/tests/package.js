@@ -464,6 +464,252 @@ for (const simd128 of [false, true]) {
     assert.throws(() => visibility.createLevel([1, 2]), refused("ARGUMENT", /multiple of 9/));
   });
 
+  test(say("levels of detail follow the size in pixels, with a fade and by draw ranges"), () => {
+    const scene = visibility.createScene();
+    // Cubes of 1 m, 10 and 40 m ahead, and one that fades from 30 to 50 m.
+    const cube = (x, y) => [x, y, 0, x + 1, y + 1, 1];
+    const [near, far, fading] = scene.insertAll({ bounds: [cube(10, 1), cube(40, 1), cube(40, -2)].flat() });
+    // Of a picture of 1000 rows, at 10 m: sqrt(3) m are 1.73 / 10 * SCALE * 500 = 159 pixels; at 40 m, 40.
+    scene.setLodSizes([near, far], [100, 50]);
+    scene.setDrawRange(fading, 0, 50, 20);
+    const [view, visible] = [visibility.createView(), visibility.createVisible()];
+    const pipeline = visibility.createPipeline().addFrustum().addContribution(1000, 1);
+    const lods = visibility.createLods(1000, { hysteresis: 0.1, fade: 0.5 });
+    const frame = (x, seconds = 0.25) => {
+      view.setPerspective({ ...CAMERA, eye: [x, 0, 0], target: [x + 1, 0, 0] });
+      pipeline.cull(scene, view, visible);
+      visible.sortByIndex(scene);
+      lods.select(scene, view, visible, seconds);
+      const { ids, levels, previous, fades, opacities } = lods.selected;
+      ids.forEach((id, i) => {
+        const at = { level: levels[i], previous: previous[i], fade: fades[i], opacity: opacities[i] };
+        assert.deepEqual(lods.lod(id), at);
+      });
+      return { ids: [...ids], levels: [...levels], previous: [...previous], fades: [...fades], opacities };
+    };
+    const first = frame(0);
+    assert.deepEqual(first.ids, [near, far, fading]);
+    assert.deepEqual([first.levels, first.previous, first.fades], [[0, 2, 0], [0, 2, 0], [1, 1, 1]]);
+    assert.ok(first.opacities[0] === 1 && Math.abs(first.opacities[2] - 0.5) < 0.01, `${first.opacities}`);
+    // From 21 m on, the far cube is 84 pixels, beyond 50 by more than the hysteresis: half a second of a fade.
+    const second = frame(21);
+    assert.deepEqual([second.ids, second.levels], [[far, fading], [1, 0]]);
+    assert.deepEqual([second.previous[0], second.fades[0], second.opacities[1]], [2, 0, 1]);
+    assert.deepEqual([frame(21).fades[0], frame(21).fades[0]], [0.5, 1]);
+    // At 47 pixels the level stays by the hysteresis; after a reset it is that of the size.
+    assert.deepEqual([frame(6.5).levels[1], lods.lod(near).level], [1, 0]);
+    assert.equal(lods.lod(999n), null);
+    lods.reset();
+    assert.deepEqual([frame(6.5).levels[1], frame(6.5).fades[1]], [2, 1]);
+    lods.setPictureHeight(0);
+    lods.reset();
+    assert.deepEqual(frame(0).levels, [0, 0, 0], "without a height all is fine");
+    // Seen from far behind, the one with a range is beyond its end.
+    pipeline.setContribution(1000, 1, [-30, 0, 0]);
+    lods.setDistanceEye([-5, 0, 0]);
+    assert.deepEqual(frame(0).ids, [near, far]);
+    pipeline.setContribution(1000, 1);
+    assert.ok(Math.abs(frame(0).opacities[2] - 0.25) < 0.01, "the margin, 45 m from the eye of the camera");
+    lods.setDistanceEye();
+    assert.ok(Math.abs(frame(0).opacities[2] - 0.5) < 0.01, "the margin, from the view's own eye");
+
+    assert.throws(() => visibility.createLods(), refused("ARGUMENT", /is missing, or/));
+    assert.throws(() => visibility.createLods(-1), refused("ARGUMENT", /the picture height cannot be -1/));
+    const odd = (options) => () => visibility.createLods(1000, options);
+    assert.throws(odd({ hysteresis: 1 }), refused("ARGUMENT", /the hysteresis cannot be 1/));
+    assert.throws(odd({ fade: -1 }), refused("ARGUMENT", /the fade cannot be -1/));
+    assert.throws(() => scene.setLodSizes([near], [5, 0]), refused("ARGUMENT", /size 1 cannot be 0/));
+    assert.throws(() => scene.setLodSizes([near, 7n], [5]), refused("UNKNOWN_ID", /7/));
+    assert.throws(() => scene.setLodSizes([1], [5]), refused("ARGUMENT", /ids are bigint/));
+    assert.throws(() => lods.select(scene, view, visible, -1), refused("ARGUMENT", /elapsed time cannot be -1/));
+    assert.throws(() => lods.select(scene, view, visible), refused("ARGUMENT", /is missing, or/));
+    assert.throws(() => lods.select(foreign, view, visible, 0), refused("ARGUMENT", /a scene of this library/));
+    assert.throws(() => lods.setDistanceEye([0, NaN, 0]), refused("ARGUMENT", /`eye` is not finite/));
+    assert.throws(() => pipeline.setContribution(1, 1, [0]), refused("ARGUMENT", /`distanceEye` is not a list/));
+    assert.throws(
+      () => visibility.createPipeline().setContribution(1, 1),
+      refused("STATE", /has no contribution culling/),
+    );
+    lods.destroy();
+    assert.throws(() => lods.selected, refused("NULL", /lods/));
+  });
+
+  test(say("draw lists group by mesh and level, and make the commands"), () => {
+    const scene = visibility.createScene();
+    const cube = (x, y) => [x, y, 0, x + 1, y + 1, 1];
+    const ids = scene.insertAll({ bounds: [cube(10, 1), cube(40, 1), cube(40, -2), cube(12, -2), cube(-9, 0)].flat() });
+    const [view, visible] = [visibility.createView(), visibility.createVisible()];
+    const [list, lods] = [visibility.createDrawList(), visibility.createLods(1000, { fade: 1 })];
+    const pipeline = visibility.createPipeline().addFrustum();
+    const frame = (x) => {
+      view.setPerspective({ ...CAMERA, eye: [x, 0, 0], target: [x + 1, 0, 0] });
+      pipeline.cull(scene, view, visible);
+      visible.sortByIndex(scene);
+      lods.select(scene, view, visible, 0.25);
+    };
+    const content = () => [[...list.groups], [...list.instances]];
+    assert.deepEqual(content(), [[], []]);
+    // Two meshes of two levels each: keys 0 and 1, and 4 and 5. At 100 pixels the level changes: 16 m away, with the hysteresis 14.
+    scene.setDrawKeys(ids, [4, 0, 4, 0, 0]);
+    scene.setLodSizes(ids, [100]);
+    frame(0);
+    list.group(scene, visible);
+    assert.deepEqual(content(), [[0, 0, 2, 4, 2, 2], [1, 3, 0, 2]]);
+    list.groupLevels(scene, lods);
+    assert.deepEqual(content(), [[0, 0, 1, 1, 1, 1, 4, 2, 1, 5, 3, 1], [3, 1, 0, 2]]);
+    const meshes = [36, 77, 0, -5, 77, 12, 0, 36, 9, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 6, 1, 48, 0, 0, 3, 1, 54, 0, 0];
+    const base = -5 >>> 0;
+    const expected = [36, 1, 0, base, 0, 12, 1, 36, 9, 1, 6, 1, 48, 0, 2, 3, 1, 54, 0, 3];
+    assert.deepEqual([...list.commands(meshes)], expected);
+    assert.deepEqual([...list.commands(new Int32Array(meshes))], expected);
+    assert.deepEqual([...list.commands(new Uint32Array(meshes))], expected);
+    list.groupFading(scene, lods);
+    assert.deepEqual(content(), [[], []]);
+    frame(30);
+    list.groupFading(scene, lods);
+    assert.deepEqual(content(), [[1, 0, 1, 5, 1, 1], [1, 2]], "the level before");
+    list.groupLevels(scene, lods);
+    assert.deepEqual(content(), [[0, 0, 1, 4, 1, 1], [1, 2]], "the level to draw");
+    scene.remove(ids[1]);
+    list.groupLevels(scene, lods);
+    assert.deepEqual(content(), [[4, 0, 1], [2]]);
+
+    assert.throws(() => list.commands([1, 2, 3]), refused("ARGUMENT", /multiple of 5/));
+    assert.throws(() => list.commands([1, 1, 1, 1, 1]), refused("ARGUMENT", /key 4 is not below 1/));
+    assert.throws(() => list.commands([1, 1, 1, 1, 0.5]), refused("ARGUMENT", /not a whole number/));
+    assert.throws(() => list.group(scene, lods), refused("ARGUMENT", /a visible of this library/));
+    assert.throws(() => list.groupLevels(scene, visible), refused("ARGUMENT", /a lods of this library/));
+    assert.throws(() => list.group(scene, visibility.createVisible()), refused("STATE", /no pipeline/));
+    assert.throws(() => scene.setDrawKeys([ids[0]], [1, 2]), refused("ARGUMENT", /`keys` has 2 elements, not 1/));
+    assert.throws(() => scene.setDrawKeys([ids[0]], [0.5]), refused("ARGUMENT", /not a whole number/));
+    assert.throws(() => scene.setDrawKeys([ids[0]], [4294967041]), refused("ARGUMENT", /the key 4294967041/));
+    for (const keys of [[-256], [-1], new Int32Array([-256])])
+      assert.throws(() => scene.setDrawKeys([ids[0]], keys), refused("ARGUMENT", /`keys` has a negative number/));
+    assert.throws(() => scene.setDrawKeys([ids[1]], [1]), refused("UNKNOWN_ID", /1/));
+    assert.deepEqual(content(), [[4, 0, 1], [2]]);
+  });
+
+  test(say("the module for frames has levels of detail and draw lists"), async () => {
+    const frames = await load({ simd128, frames: true });
+    const scene = frames.createScene();
+    const [id] = scene.insertAll({ bounds: [...LAMP.min, ...LAMP.max] });
+    scene.setLodSizes([id], [1e6]);
+    scene.setDrawKeys([id], [3]);
+    const [view, visible, lods, list] = [
+      frames.createView(),
+      frames.createVisible(),
+      frames.createLods(100),
+      frames.createDrawList(),
+    ];
+    view.setPerspective(CAMERA);
+    frames.createPipeline().addFrustum().addContribution(100, 1).cull(scene, view, visible);
+    lods.select(scene, view, visible, 0);
+    list.groupLevels(scene, lods);
+    assert.deepEqual([[...list.groups], [...list.instances]], [[4, 0, 1], [0]]);
+    assert.throws(() => frames.createGraph(1, []), refused("STATE", /whole module/));
+  });
+
+  test(say("mirrors show what is before them, and mirrors in them"), () => {
+    const rooms = [0, 4].map((x) => ({ min: [x, 0, 0], max: [x + 4, 4, 3] }));
+    const rectangle = (x) => [
+      [x, 1, 0.5],
+      [x, 3, 0.5],
+      [x, 3, 2.5],
+      [x, 1, 2.5],
+    ];
+    const graph = visibility.createGraph(2, [{ vertices: rectangle(4), cells: [0, 1] }]);
+    const cells = visibility.createCells(graph, rooms);
+    // At both ends of the row, facing each other.
+    const glass = [rectangle(8).reverse(), rectangle(0)];
+    assert.deepEqual([cells.addMirror(1, glass[0]), cells.addMirror(0, glass[1])], [0, 1]);
+    const scene = visibility.createScene();
+    const cube = (x, y) => [x, y, 1, x + 0.5, y + 0.5, 1.5];
+    // In view; behind the eye in its room; and in the corner beside the door, which no mirror shows.
+    const ids = scene.insertAll({ bounds: [cube(6, 2), cube(0.2, 2), cube(4.2, 0.1)].flat() });
+    const [view, visible] = [visibility.createView(), visibility.createVisible()];
+    const [mirrored, shown] = [visibility.createView(), visibility.createVisible()];
+    const reflections = visibility.createReflections(cells);
+    const pipeline = visibility.createPipeline().addFrustum().addReflections(reflections);
+    const frame = () => {
+      view.setPerspective({ ...CAMERA, eye: [1.5, 2, 1.5], target: [9, 2, 1.5] });
+      pipeline.cull(scene, view, visible);
+      return reflections.list;
+    };
+    assert.deepEqual(reflections.list, []);
+    assert.deepEqual(frame(), [
+      { mirror: 0, parent: null, depth: 1 },
+      { mirror: 1, parent: 0, depth: 2 },
+    ]);
+    assert.equal(reflections.leftOut, 1);
+    assert.deepEqual([...visible.ids], [ids[0]]);
+    reflections.read(0, mirrored, shown);
+    shown.sortByIndex(scene);
+    assert.ok(shown.contains(scene, ids[1]) && shown.contains(scene, ids[0]), `${shown.indices}`);
+    // The reflected matrix sees a point where the matrix of the eye sees the point's reflection in x = 8.
+    const clip = (m, [x, y, z]) => [0, 1, 2, 3].map((i) => m[i] * x + m[4 + i] * y + m[8 + i] * z + m[12 + i]);
+    const [from, to] = [
+      [0.4, 2.2, 1.2],
+      [15.6, 2.2, 1.2],
+    ];
+    const near = (a, b) => a.every((x, i) => Math.abs(x - b[i]) < 1e-9);
+    assert.ok(near(clip(mirrored.matrix(), from), clip(view.matrix(), to)));
+    const far = [100, 200, 300];
+    assert.ok(near(clip(mirrored.matrix(far), from.map((x, i) => x - far[i])), clip(view.matrix(), to)));
+    const [[a, b, c, d], ...others] = mirrored.clipPlanes();
+    assert.ok(near([a, b, c], [-1, 0, 0]) && Math.abs(d - 8) < 1e-5 && others.length === 0, `${[a, b, c, d]}`);
+    assert.ok(Math.abs(mirrored.clipPlanes(far)[0][3] - (8 - 100)) < 1e-5);
+    assert.deepEqual(view.clipPlanes(), []);
+    // What is seen in the mirror is a frame's result: levels, draw lists, and again a view.
+    const lods = visibility.createLods(100);
+    lods.select(scene, mirrored, shown, 0);
+    assert.deepEqual([...lods.selected.ids], [...shown.ids]);
+    scene.insert({ bounds: WALL });
+    assert.equal(shown.count, lods.selected.ids.length);
+
+    cells.setMirror(1, false);
+    assert.deepEqual(frame(), [{ mirror: 0, parent: null, depth: 1 }]);
+    cells.setOpen(0, false);
+    assert.deepEqual(frame(), []);
+    assert.throws(() => reflections.read(0, mirrored, shown), refused("UNKNOWN_ID", /no reflection 0/));
+    assert.throws(() => reflections.read(0, shown, mirrored), refused("ARGUMENT", /a view of this library/));
+    assert.throws(() => cells.addMirror(2, glass[0]), refused("UNKNOWN_ID", /no cell 2/));
+    assert.throws(() => cells.addMirror(0, glass[0].slice(2)), refused("ARGUMENT", /./));
+    assert.throws(() => cells.addMirror(0, [[1, 2]]), refused("ARGUMENT", /a vertex has 3 numbers/));
+    assert.throws(() => cells.setMirror(2, true), refused("UNKNOWN_ID", /no mirror 2/));
+    assert.throws(() => cells.setMirror(0, 1), refused("ARGUMENT", /is not true or false/));
+    assert.throws(() => visibility.createReflections(graph), refused("ARGUMENT", /a cells of this library/));
+    assert.throws(() => pipeline.addReflections(cells), refused("ARGUMENT", /a reflections of this library/));
+    assert.throws(() => view.matrix([NaN, 0, 0]), refused("ARGUMENT", /`origin` is not finite/));
+    // Both mirrors again: the limits leave out the mirror in the mirror, or all.
+    cells.setOpen(0, true);
+    cells.setMirror(1, true);
+    const limited = (options) => {
+      const few = visibility.createReflections(cells, options);
+      visibility.createPipeline().addReflections(few).cull(scene, view, visible);
+      return [few.list.length, few.leftOut];
+    };
+    const counts = [{}, { maxDepth: 1 }, { maxCount: 1 }, { maxCount: 0 }, { maxDepth: 3 }].map(limited);
+    assert.deepEqual(counts, [[2, 1], [1, 1], [1, 1], [0, 1], [3, 1]]);
+
+    // A set with changes still has them after a reflection was read into it.
+    const changing = visibility.createVisible({ changes: true });
+    frame();
+    reflections.read(0, mirrored, changing);
+    assert.deepEqual([...changing.newlyVisible], []);
+    pipeline.cull(scene, view, changing);
+    assert.deepEqual([...changing.newlyVisible], [...changing.ids]);
+    assert.equal(changing.newlyVisible.length > 0, true);
+    // What is drawn to 4.8 m is in the mirror, too: the camera is 4.5 m away, the reflected eye 8 m.
+    pipeline.addContribution(1000, 0);
+    const shows = (end) => {
+      scene.setDrawRange(ids[0], 0, end);
+      frame();
+      reflections.read(0, mirrored, shown);
+      return [visible.contains(scene, ids[0]), shown.contains(scene, ids[0])];
+    };
+    assert.deepEqual([4.8, 4].map(shows), [[true, true], [false, false]]);
+  });
+
   test(say("a list is asked for once, unless it is longer than before"), async () => {
     const { instantiate } = WebAssembly;
     const counts = {};
@@ -676,6 +922,35 @@ test("the README's program runs", async () => {
   const both = `${plans}; return { plan, level };`;
   const made = await new AsyncFunction(...Object.keys(given), both)(...Object.values(given));
   assert.deepEqual([made.plan.sees([0, 0], [9, 5]), made.level.bytes.length > 50], [true, true]);
+
+  // Levels of detail, draw lists and mirrors, in a room whose mirror shows the lamp behind the eye.
+  const bounds = { min: [-2, -1, -1], max: [-1, 1, 1] };
+  const hall = visibility.createScene();
+  const lamp = hall.insert({ bounds });
+  const wall = hall.insert({ bounds: WALL });
+  const [view, visible] = [visibility.createView(), visibility.createVisible()];
+  const [mirrored, shown] = [visibility.createView(), visibility.createVisible()];
+  view.setPerspective(CAMERA);
+  const cells = visibility.createCells(visibility.createGraph(1, []), [{ min: [-9, -9, -9], max: [9, 9, 9] }]);
+  const pipeline = visibility.createPipeline().addFrustum();
+  const corners = [
+    [9, 5, -5],
+    [9, -5, -5],
+    [9, -5, 5],
+    [9, 5, 5],
+  ];
+  const drawn = [];
+  const drawMirror = (matrix, planes, indices) => drawn.push([matrix.length, planes.length, ...indices]);
+  const meshes = Array(6).fill([3, 0, 0, 0, 0]).flat();
+  const room = { visibility, scene: hall, lamp, wall, view, visible, mirrored, shown, cells, pipeline, corners };
+  const [, mirrors] = readme.match(/^```js\n(cells.addMirror[\s\S]*?)^```$/m);
+  const [, levels] = readme.match(/^```js\n(\/\/ Once: the sizes[\s\S]*?)^```$/m);
+  const [hang, draw] = mirrors.split("// Each frame, after `cull`:\n");
+  const all = { ...room, drawMirror, meshes };
+  const text = `${hang}; pipeline.cull(scene, view, visible); ${draw}; ${levels}; return { list, indirect };`;
+  const { list, indirect } = await new AsyncFunction(...Object.keys(all), text)(...Object.values(all));
+  assert.deepEqual(drawn, [[16, 1, indexOf(lamp), indexOf(wall)]]);
+  assert.deepEqual([[...list.instances], indirect.length], [[indexOf(wall)], 5]);
 });
 
 test("the declaration names what there is", async () => {

@@ -174,7 +174,9 @@ export class VisibilityCulling {
     this.#isClipped = planes.length > 0;
     tools.how = setView(tools.view, eye, this.#origin, planes);
     if (tools.how === null) return;
-    this.#surfaces.begin(camera.reversedDepth === true);
+    // In the first frame of a camera, three.js has not yet told the camera that depth is reversed.
+    const isReversed = renderer.state?.buffers?.depth?.getReversed?.() === true;
+    this.#surfaces.begin(isReversed || camera.reversedDepth === true);
     this.#follow(camera);
     const followed = performance.now();
     const { occluders, visible, isVisible } = this.#cull(tools);

@@ -52,8 +52,10 @@ impl Reflection {
         &self.view
     }
 
-    /// Returns the objects to draw in the reflected view. Conservative: contains every object visible in the
-    /// mirror, and undecided objects.
+    /// Returns the objects to draw in the reflected view, as a [finished](VisibleSet::finish) set, which
+    /// survives changes of the scene. Conservative: contains every object visible in the mirror, and
+    /// undecided objects, except what
+    /// [`cull_reflections`](super::portal_eye::PortalEye::cull_reflections) has removed.
     pub fn visible(&self) -> &VisibleSet {
         &self.visible
     }
@@ -93,7 +95,10 @@ impl Reflections {
         (self.max_count, self.max_depth) = (max_count, max_depth);
     }
 
-    pub(super) fn clear(&mut self) {
+    /// Forgets the reflections of the last frame. A finished set makes the scene keep what it changes, so no
+    /// set stays finished that the next frame might not fill again.
+    pub(super) fn clear(&mut self, scene: &Scene) {
+        self.all[..self.count].iter_mut().for_each(|one| one.visible.clear(scene));
         self.count = 0;
         self.seen.clear();
         self.sides.clear();
@@ -101,6 +106,14 @@ impl Reflections {
 
     pub(super) fn as_slice(&self) -> &[Reflection] {
         &self.all[..self.count]
+    }
+
+    /// Removes from the set of each reflection of the last frame what `culler` removes in its view.
+    pub(super) fn cull(&mut self, scene: &Scene, culler: &mut dyn Culler) {
+        for one in &mut self.all[..self.count] {
+            culler.cull(scene, &one.view, &mut one.visible);
+            one.visible.finish(scene);
+        }
     }
 
     /// Reflects the view in the mirrors that `walk` has met, and again in the mirrors that the reflections
@@ -186,6 +199,7 @@ impl Reflections {
             self.collect_mirrors(Some(place), &walk);
             self.walk = walk;
         }
+        self.all[..self.count].iter_mut().for_each(|one| one.visible.finish(scene));
     }
 
     /// Appends the mirrors that `walk` has met to `seen`, sorted by mirror. `parent` is the index of the
@@ -275,6 +289,28 @@ mod tests {
 
     fn outline(normal: DVec3, error: f64) -> Outline {
         Outline { normal, error, flaw: error, width: 1.0 }
+    }
+
+    /// Sets of reflections that are no longer seen are not finished: the scene would keep what it changes
+    /// for them.
+    #[test]
+    fn sets_of_mirrors_that_are_no_longer_seen_are_not_finished() {
+        let mut scene = Scene::new();
+        scene.insert(visibility_core::Aabb::from_arrays([1.0; 3], [2.0; 3]));
+        let view = view_from(DVec3::ZERO);
+        let mut reflections = Reflections::new();
+        for number in 0..3 {
+            let mut visible = VisibleSet::new();
+            visible.fill(&scene, &view);
+            visible.finish(&scene);
+            let mirror = MirrorId(number);
+            reflections.all.push(Reflection { mirror, parent: None, depth: 1, view, visible });
+        }
+        let finished = |of: &Reflections| of.all.iter().filter(|one| one.visible.is_finished()).count();
+        reflections.count = 3;
+        assert_eq!((finished(&reflections), reflections.as_slice().len()), (3, 3), "after a frame");
+        reflections.clear(&scene);
+        assert_eq!((finished(&reflections), reflections.as_slice().len()), (0, 0), "at the next frame");
     }
 
     /// Vertices of a mirror are not cut away, nor what is within its error, where the terms of a plane's

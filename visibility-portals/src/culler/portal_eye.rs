@@ -11,7 +11,7 @@ use super::walked_scene::WalkedScene;
 use alloc::vec::Vec;
 use visibility_core::glam::DVec3;
 use visibility_core::{
-    CullStats, Scene, View, VisibleSet,
+    CullStats, Culler, Scene, View, VisibleSet,
     cells::{CellId, PortalId},
     culler::Lack,
     scene::Changes,
@@ -166,6 +166,17 @@ impl PortalEye {
         self.stats.fallback.is_none().then_some(stats)
     }
 
+    /// Removes from the [objects](Reflection::visible) of each reflection of the last frame what `culler`
+    /// removes in the reflected view. Stages of the eye's own pipeline do not reach reflections: this is for
+    /// objects that are too small, or out of their draw range, in mirrors as well. The accuracy of the sets
+    /// is then that of `culler`.
+    ///
+    /// Call it after [`cull`](Self::cull), before the scene changes. If the layout of the scene has changed,
+    /// `culler` alone decides what is in the sets. Does nothing without reflections.
+    pub fn cull_reflections(&mut self, scene: &Scene, culler: &mut dyn Culler) {
+        self.reflections.cull(scene, culler);
+    }
+
     fn cull_views(
         &mut self,
         cells: &SceneCells,
@@ -175,7 +186,7 @@ impl PortalEye {
     ) -> CullStats {
         self.frame += 1;
         self.stats = PortalStats::default();
-        self.reflections.clear();
+        self.reflections.clear(scene);
         self.walk.begin(cells);
         let (eye_view, narrowing) = match views {
             Views::One(view) => (PortalView::new(view), self.narrowing),

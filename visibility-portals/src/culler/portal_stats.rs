@@ -45,7 +45,8 @@ pub struct PortalStats {
     /// Number of reflections in mirrors made this frame.
     pub reflections: u32,
     /// Number of seen mirrors without a reflection: beyond the [limits](super::PortalEye::with_reflections),
-    /// or with no reflected view that can be computed.
+    /// or with no reflected view that can be computed. Also counts each mirror whose reflection shows no
+    /// further mirrors, since the eye of its reflected view is unknown.
     pub reflections_left_out: u32,
     /// Why the frame removed no object. `None` if the frame was culled.
     pub fallback: Option<NotCulled>,

@@ -77,6 +77,12 @@ impl SharedPortalCuller {
     pub fn eye(&self) -> &PortalEye {
         &self.eye
     }
+
+    /// Removes from the reflections of the last frame what `culler` removes in their views: see
+    /// [`PortalEye::cull_reflections`].
+    pub fn cull_reflections(&mut self, scene: &Scene, culler: &mut dyn Culler) {
+        self.eye.cull_reflections(scene, culler);
+    }
 }
 
 impl Culler for SharedPortalCuller {

@@ -12,7 +12,7 @@ use visibility_core::geometry::ConvexPolygon;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::level_version::level_object;
 use visibility_portals::from_geometry::{PolygonSettings, Subdivision, from_polygons};
-use visibility_portals::{BakerSettings, CellBaker, Passage, SceneCells, prt};
+use visibility_portals::{BakerSettings, CellBaker, MirrorId, Passage, SceneCells, prt};
 
 /// Graph of convex cells and the portals between them. It never changes.
 pub struct vis_graph(pub(crate) CellGraph);
@@ -283,6 +283,44 @@ pub unsafe extern "C" fn vis_cells_set_passage(
             (false, false) => return Err(Error::argument("a portal without a direction is a closed one")),
         };
         Ok(cells.write()?.set_passage(PortalId(portal), passage)?)
+    })
+}
+
+/// Adds a mirror on the boundary of a cell and writes its number, counted from 0. Its `vertex_count`
+/// vertices, 3 coordinates each, make a convex polygon in a plane, counter-clockwise as seen from within the
+/// cell. Views with `vis_reflections` then find what is seen in the mirror. If the glass itself is drawn, it
+/// is an object of the scene.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_cells_add_mirror(
+    cells: *mut vis_cells,
+    cell: u32,
+    vertices: *const f64,
+    vertex_count: usize,
+    mirror: *mut u32,
+) -> vis_status {
+    border(|| {
+        // SAFETY: by rules P1 and P2 of `visibility.h`, each pointer is null, or valid to read or write.
+        let (cells, mut place) = unsafe { (reference(cells, "cells")?, out(mirror, "mirror")?) };
+        // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 3 numbers for each of `vertex_count`.
+        let vertices = unsafe { array(vertices.cast::<[f64; 3]>(), vertex_count, "vertices") }?;
+        let polygon = ConvexPolygon::new(vertices.iter().copied().map(DVec3::from_array))?;
+        let MirrorId(number) = cells.write()?.add_mirror(CellId(cell), &polygon)?;
+        place.set(number);
+        Ok(())
+    })
+}
+
+/// Sets whether a mirror reflects (`uncovered`), as new mirrors do, or is covered and shows nothing.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vis_cells_set_mirror(
+    cells: *mut vis_cells,
+    mirror: u32,
+    uncovered: bool,
+) -> vis_status {
+    border(|| {
+        // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
+        let cells = unsafe { reference(cells, "cells") }?;
+        Ok(cells.write()?.set_mirror(MirrorId(mirror), uncovered)?)
     })
 }
 

@@ -5,6 +5,7 @@ use crate::error::vis_status::*;
 use visibility_2d::cdt::PlanError;
 use visibility_bake::BakedSetError;
 use visibility_core::cells::CellGraphError;
+use visibility_core::geometry::PolygonError;
 use visibility_core::pvs::PvsError;
 use visibility_core::who_sees::OfPortalsError;
 use visibility_frame::casters::LightError;
@@ -18,6 +19,7 @@ use visibility_portals::{BakeError, SceneCellsError};
 codes! {
     MeasureError, _ => VIS_ERROR_ARGUMENT;
     CellGraphError, _ => VIS_ERROR_ARGUMENT;
+    PolygonError, _ => VIS_ERROR_ARGUMENT;
     BakeError, _ => VIS_ERROR_ARGUMENT;
     GeometryError, _ => VIS_ERROR_ARGUMENT;
     LevelOccludersError, _ => VIS_ERROR_ARGUMENT;
@@ -31,7 +33,9 @@ codes! {
     };
     PrtError, _ => VIS_ERROR_FORMAT;
     SceneCellsError, kind => match kind {
-        SceneCellsError::UnknownCell(_) | SceneCellsError::UnknownPortal(_) => VIS_ERROR_UNKNOWN_ID,
+        SceneCellsError::UnknownCell(_)
+        | SceneCellsError::UnknownPortal(_)
+        | SceneCellsError::UnknownMirror(_) => VIS_ERROR_UNKNOWN_ID,
         _ => VIS_ERROR_ARGUMENT,
     };
     PvsError, kind => match kind {

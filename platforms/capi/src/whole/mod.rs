@@ -1,6 +1,6 @@
-//! What only the whole library has: cells and portals, baked and online sets, plans, regions and proofs, who
-//! sees whom, queries, casters, occluders of levels, the horizon and the judge. This module is the only one
-//! behind the feature `whole`.
+//! What only the whole library has: cells, portals and mirrors, baked and online sets, plans, regions and
+//! proofs, who sees whom, queries, casters, occluders of levels, the horizon and the judge. This module is
+//! the only one behind the feature `whole`.
 
 mod cells;
 mod errors;
@@ -11,6 +11,7 @@ mod online;
 mod plan;
 mod pvs;
 mod queries;
+mod reflections;
 mod region;
 mod stages;
 mod volume;
@@ -23,6 +24,7 @@ pub use online::*;
 pub use plan::*;
 pub use pvs::*;
 pub use queries::*;
+pub use reflections::*;
 pub use region::*;
 pub use stages::*;
 pub use volume::*;
@@ -38,6 +40,7 @@ const _: () = {
     any_thread::<vis_online>();
     any_thread::<vis_plan>();
     any_thread::<vis_pvs>();
+    any_thread::<vis_reflections>();
     any_thread::<vis_scene_pvs>();
     any_thread::<vis_sight_cells>();
     any_thread::<vis_who_sees>();

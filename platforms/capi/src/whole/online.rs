@@ -1,6 +1,7 @@
 //! Sets of visible objects around an eye on the move, made ahead of it.
 
 use crate::error::{Error, border, vis_status};
+use crate::numbers::{finite, not_negative};
 use crate::pointer::{array, buffer, create, destroy, optional_out, out, reference};
 use crate::scene::vis_scene;
 use crate::stats::vis_stats;
@@ -91,12 +92,6 @@ pub enum vis_answer {
     VIS_ANSWER_VIEWCELL = 2,
 }
 
-/// Returns a point. An error that names the parameter unless it is finite.
-fn finite(point: &[f64; 3], name: &str) -> Result<DVec3, Error> {
-    let point = DVec3::from_array(*point);
-    if point.is_finite() { Ok(point) } else { Err(Error::argument(format_args!("{name} is not finite"))) }
-}
-
 /// Creates sets for one eye. `viewcell` and `wide` are the sizes along x, y and z, in metres, of the
 /// viewcells and of the wide boxes that these lie in: 3 numbers each, positive and finite, those of `wide` at
 /// least those of `viewcell`. A viewcell of 0.6 m lasts for a quarter of a second of walking; a wide box
@@ -115,9 +110,7 @@ pub unsafe extern "C" fn vis_online_create(
         let (viewcell, wide) = unsafe { (array(viewcell, 3, "viewcell")?, array(wide, 3, "wide")?) };
         // SAFETY: by rule P2 of `visibility.h`, the pointer is null or valid to write.
         let place = unsafe { out(online, "online") }?;
-        if !(margin >= 0.0 && margin.is_finite()) {
-            return Err(Error::argument(format_args!("the margin cannot be {margin}")));
-        }
+        not_negative(margin, "the margin")?;
         let made = OnlinePvs::new(DVec3::from_slice(viewcell), DVec3::from_slice(wide));
         let made = made.map_err(|error| Error::argument(format_args!("{error}")))?;
         let made = if margin == 0.0 { made } else { made.with_margin(margin) };

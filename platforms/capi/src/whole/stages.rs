@@ -6,6 +6,7 @@ use super::level::vis_level;
 use super::online::{SharedOnline, vis_online};
 use super::pvs::vis_scene_pvs;
 use crate::error::{Error, border, vis_status};
+use crate::numbers::finite;
 use crate::pipeline::{push, vis_pipeline, z_buffer};
 use crate::pointer::reference;
 use vis_light_kind::*;
@@ -153,10 +154,7 @@ pub unsafe extern "C" fn vis_pipeline_add_z_buffer_of_level(
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read: 3 numbers of `origin`.
         let (level, origin) =
             unsafe { (reference(level, "level")?, reference(origin.cast::<[f64; 3]>(), "origin")?) };
-        let origin = DVec3::from_array(*origin);
-        if !origin.is_finite() {
-            return Err(Error::argument("`origin` is not finite"));
-        }
+        let origin = finite(origin, "`origin`")?;
         let map = z_buffer(width, height)?.with_level(level.0.clone(), origin);
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe { push(pipeline, HzbCuller::new(map)) }

@@ -8,6 +8,7 @@ use super::region::viewcell;
 use super::volume::{vis_volume, volumes};
 use crate::error::{Error, border, vis_status, vis_status::*};
 use crate::handle::Guarded;
+use crate::numbers::not_negative;
 use crate::pointer::{array, buffer, create, destroy, out, reference};
 use crate::scene::vis_scene;
 use std::sync::{Arc, Mutex};
@@ -111,9 +112,7 @@ pub unsafe extern "C" fn vis_sight_cells_create_of_portals(
             unsafe { (array(cell_volumes, volume_count, "cell_volumes")?, out(cells, "cells")?) };
         // SAFETY: by rule P1 of `visibility.h`, null or valid to read: 4 numbers for each of `plane_count`.
         let planes = unsafe { array(planes.cast::<[f64; 4]>(), plane_count, "planes") }?;
-        if !(tolerance >= 0.0 && tolerance.is_finite()) {
-            return Err(Error::argument(format_args!("the tolerance cannot be {tolerance}")));
-        }
+        not_negative(tolerance, "the tolerance")?;
         let made = ViewcellMatrix::of_portals(&graph.0, volumes(given, planes)?, &pvs.0, tolerance)?;
         create(place, vis_sight_cells(Guarded::new(Cells::Matrix(Box::new(made)))));
         Ok(())

@@ -146,11 +146,11 @@ class Scene:
     def make_cells(self, *, max_cells: int = 16384) -> Cells: ...
     @overload
     def cull(
-        self, view: View, *, occlusion: bool | Culler | Sequence[Culler] = True, mask: Literal[False] = False
+        self, view: View, *, occlusion: bool | Culler | Sequence[Culler] | None = True, mask: Literal[False] = False
     ) -> NDArray[np.uint32]: ...  # (k,)
     @overload
     def cull(
-        self, view: View, *, occlusion: bool | Culler | Sequence[Culler] = True, mask: Literal[True]
+        self, view: View, *, occlusion: bool | Culler | Sequence[Culler] | None = True, mask: Literal[True]
     ) -> NDArray[np.bool_]: ...  # (n,)
     def seen_from_region(self, region: Floats) -> NDArray[np.uint32]: ...  # (2, 3) -> (k,)
     def prove_from_region(

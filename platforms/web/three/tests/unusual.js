@@ -92,6 +92,18 @@ test("with reversed depth an offset either way may bring a mesh before the wall"
   }
 });
 
+test("in the first frame of a camera the renderer tells of reversed depth, before the camera does", async () => {
+  for (const isReversed of [true, false]) {
+    const material = Object.assign(grey(), { polygonOffset: true, polygonOffsetUnits: 4 });
+    const { scene, lamp, camera } = street({ lamp: new THREE.Mesh(BOX, material) });
+    const culling = await culled(scene, camera);
+    const renderer = { isWebGLRenderer: true, state: { buffers: { depth: { getReversed: () => isReversed } } } };
+    const { drawn } = render(scene, camera, { renderer });
+    assert.equal(drawn.has(lamp, 0), isReversed, `reversed ${isReversed}`);
+    culling.dispose();
+  }
+});
+
 test("a second culling of a camera takes it from the first, as after a hot reload", async () => {
   const { scene, wall, lamp, camera } = street();
   const other = perspective();

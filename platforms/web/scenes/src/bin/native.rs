@@ -8,12 +8,19 @@ use glam::DVec3;
 use std::sync::Arc;
 use std::time::Instant;
 use visibility_core::bake::Bake;
+use visibility_core::cells::CellId;
+use visibility_core::geometry::ConvexPolygon;
 use visibility_core::occlusion::Preparation;
 use visibility_core::pvs::{PvsCuller, ScenePvs, Viewcell};
-use visibility_core::{Aabb, Culler, FrustumCuller, Object, Pipeline, Pose, Scene, View, VisibleSet};
+use visibility_core::scene::DrawRange;
+use visibility_core::{
+    Aabb, Culler, FrustumCuller, Object, ObjectId, Pipeline, Pose, Scene, View, VisibleSet,
+};
+use visibility_frame::draw_list::DrawList;
+use visibility_frame::lod::{ContributionCuller, Lod, LodSelector};
 use visibility_hzb::{Hzb, HzbCuller};
 use visibility_measure::{Comparison, ItemBuffer};
-use visibility_portals::{BakerSettings, CellBaker, PortalCuller, SceneCells};
+use visibility_portals::{BakerSettings, CellBaker, PortalCuller, PortalEye, Reflection, SceneCells};
 use visibility_region::OnlinePvs;
 use visibility_web_scenes::{SceneSource, built_in, tolerance};
 
@@ -25,6 +32,18 @@ const JUDGED_EVERY: usize = 20;
 const ONLINE_EVERY: usize = 8;
 /// Interval of the frames of online sets before which an object stops hiding others.
 const OPENED_EVERY: usize = 6;
+/// Interval of the cells that have a mirror on their side of least x.
+const MIRRORED_EVERY: usize = 3;
+/// Sizes in pixels that divide the levels of objects, by index modulo 3. The last have one level.
+const LOD_SIZES: [&[f32]; 3] = [&[400.0, 90.0, 30.0], &[150.0], &[]];
+/// Height in pixels of the pictures that levels of detail are for, and least size of what is drawn.
+const PICTURE_HEIGHT: f64 = 1080.0;
+const LEAST_PIXELS: f64 = 4.0;
+/// Interval of the objects that fade by their draw range, and this range.
+const RANGED_EVERY: usize = 5;
+const RANGE: DrawRange = DrawRange { begin: 1.0, end: 60.0, margin: 20.0 };
+/// Number of keys of draw lists, which are 4 apart, beyond the levels of one mesh.
+const KEYS: usize = 7;
 /// Budget of each step of online sets. It does not end a sweep in these scenes.
 const STEP_MICROSECONDS: u32 = 100_000;
 
@@ -139,6 +158,76 @@ fn answers(name: &str) -> Result<(), Box<dyn std::error::Error>> {
         let came = hash(online.came().iter().map(|id| id.index() as u32));
         let line = line(&source, &scene, view, (frame, &mut judge), &mut visible)?;
         println!("{name} online {frame} {answer} {came:08x} {line}");
+    }
+    mirrored(name, &source, &scene, &views)?;
+    drawn(name, &mut scene, &views)
+}
+
+/// Prints a line for each frame of reflections, in a scene with cells: how many there are and how many are
+/// left out, hashes of their mirrors, parents and depths, of their matrices, and of the objects in them, in
+/// their order.
+fn mirrored(
+    name: &str,
+    source: &SceneSource,
+    scene: &Scene,
+    views: &[View],
+) -> Result<(), Box<dyn std::error::Error>> {
+    let Some(cells) = &source.cells else { return Ok(()) };
+    let cells = cells.with_doorways.as_deref().unwrap_or(cells);
+    let boxes = cells.viewcells.cells();
+    let mut own = SceneCells::new(cells.graph.clone(), cells.viewcells.clone(), tolerance(&cells.viewcells))?;
+    for (cell, &Viewcell { min, max, .. }) in (0..).zip(boxes).step_by(MIRRORED_EVERY) {
+        let corners = [[min.y, min.z], [max.y, min.z], [max.y, max.z], [min.y, max.z]];
+        let glass = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(min.x, y, z)))?;
+        own.add_mirror(CellId(cell), &glass)?;
+    }
+    own.sync(scene);
+    let (mut eye, mut visible) = (PortalEye::new(), VisibleSet::new());
+    for (frame, view) in views.iter().enumerate() {
+        visible.fill(scene, view);
+        FrustumCuller::new().cull(scene, view, &mut visible);
+        eye.cull(&own, scene, view, &mut visible);
+        let all = eye.reflections();
+        let parent = |parent: Option<usize>| parent.map_or(u32::MAX, |parent| parent as u32);
+        let list = hash(all.iter().flat_map(|one| [one.mirror().0, parent(one.parent()), one.depth()]));
+        let numbers = |one: &Reflection| one.view().clip_from(DVec3::ZERO).to_cols_array().map(|x| x as f32);
+        let matrices = hash(all.iter().flat_map(numbers).map(f32::to_bits));
+        let objects = hash(all.iter().flat_map(|one| one.visible().iter(scene)).map(|id| id.index() as u32));
+        let (count, left_out) = (all.len(), eye.stats().reflections_left_out);
+        println!("{name} mirrors {frame} {count} {left_out} {list:08x} {matrices:08x} {objects:08x}");
+    }
+    Ok(())
+}
+
+/// Prints a line for each frame of levels of detail and draw lists: how many objects have a level, hashes of
+/// the levels, of the fades and of the opacities, and hashes of the groups and instances of the list by mesh
+/// and level, and of the instances that fade out.
+fn drawn(name: &str, scene: &mut Scene, views: &[View]) -> Result<(), Box<dyn std::error::Error>> {
+    for index in (0..scene.len()).step_by(RANGED_EVERY) {
+        let id = scene.id_at(index).ok_or("an object")?;
+        scene.set_draw_range(id, RANGE)?;
+    }
+    let contribution = ContributionCuller::new(PICTURE_HEIGHT, LEAST_PIXELS);
+    let mut pipeline = Pipeline::new().with(FrustumCuller::new()).with(contribution);
+    let (mut visible, mut lods) = (VisibleSet::new(), LodSelector::new(PICTURE_HEIGHT));
+    let (mut list, mut fading) = (DrawList::new(), DrawList::new());
+    for (frame, view) in views.iter().enumerate() {
+        pipeline.cull(scene, view, &mut visible);
+        lods.select(scene, view, &visible, 0.05, |id| LOD_SIZES[id.index() % LOD_SIZES.len()]);
+        let key = |id: ObjectId, level: u8| (id.index() % KEYS * 4) as u32 + u32::from(level);
+        list.group(visible.iter(scene), |id| key(id, lods.lod(id).map_or(0, |lod| lod.level)));
+        let in_fade = lods.selected().iter().filter(|(_, lod)| lod.fade < 1.0).map(|&(id, _)| id);
+        fading.group(in_fade, |id| key(id, lods.lod(id).map_or(0, |lod| lod.previous)));
+        let column = |of: fn(&Lod) -> u32| hash(lods.selected().iter().map(|(_, lod)| of(lod)));
+        let [levels, fades, opacities] =
+            [|lod: &Lod| lod.level.into(), |lod: &Lod| lod.fade.to_bits(), |lod: &Lod| lod.opacity.to_bits()]
+                .map(column);
+        let groups = hash(list.groups().iter().flat_map(|group| [group.key, group.first, group.count]));
+        let [instances, out] = [&list, &fading].map(|list| hash(list.instances().iter().copied()));
+        let count = lods.selected().len();
+        println!(
+            "{name} drawn {frame} {count} {levels:08x} {fades:08x} {opacities:08x} {groups:08x} {instances:08x} {out:08x}"
+        );
     }
     Ok(())
 }
