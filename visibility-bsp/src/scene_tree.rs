@@ -110,7 +110,8 @@ impl SceneTree {
         Ok(())
     }
 
-    /// Tests whether the margins of planes are for coordinates 1,000 times as great as any in the tree or of the changed objects that are to be inserted. False for a tree without polygons.
+    /// Tests whether the margins of planes are for coordinates 1,000 times as great as any in the tree or of
+    /// the changed objects that are to be inserted. False for a tree without polygons.
     fn has_lost_extent(&self, scene: &Scene) -> bool {
         let enough = self.tree.magnitude().max_element() / 1000.0;
         let bounds = self.tree.bounds();

@@ -93,14 +93,77 @@ fn no_reflected_ray_reaches_what_its_reflection_hides() {
     assert!(hidden > 5 * seen, "{hidden} {seen}");
 }
 
-use crate::room_row::{along, boxes, row_of_rooms, seen};
-use visibility_core::cells::{CellGraph, CellId};
-use visibility_core::geometry::ConvexPolygon;
-use visibility_core::glam::{DVec3, Vec3};
-use visibility_core::pvs::{Viewcell, Viewcells};
-use visibility_core::view::Window;
-use visibility_core::{
-    Aabb, Accuracy, CullStats, Culler, FrustumCuller, ObjectId, Pose, Scene, View, VisibleSet,
-};
-use visibility_portals::{MirrorId, PortalEye, SceneCells};
+/// In an orthographic view, a small mirror far away shows what is before it, and nothing beside that.
+#[test]
+fn mirrors_of_orthographic_views_show_no_more_than_is_before_them() {
+    let room = Viewcell::from_box(DVec3::splat(-60.0), DVec3::splat(60.0));
+    let graph = CellGraph::new(1, []).unwrap();
+    let mut cells = SceneCells::new(graph, Viewcells::new([room]), 1e-6).unwrap();
+    let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]].map(|[y, z]| DVec3::new(50.0, y, z));
+    let mirror = cells.add_mirror(CellId(0), &ConvexPolygon::new(corners).unwrap()).unwrap();
+    let mut scene = Scene::new();
+    for number in -9..10 {
+        let min = Vec3::new(20.0, number as f32 - 0.1, -0.1);
+        scene.insert(Aabb::new(min, min + Vec3::splat(0.2)));
+    }
+    cells.sync(&scene);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::orthographic(pose, Window::centered(20.0, 20.0), 0.0, 100.0).unwrap();
+    let (mut eye, mut visible) = (PortalEye::new(), VisibleSet::new());
+    visible.fill(&scene, &view);
+    eye.cull(&cells, &scene, &view, &mut visible);
+    let [one] = eye.reflections() else { panic!("{} reflections of one mirror", eye.reflections().len()) };
+    assert_eq!(one.mirror(), mirror, "the mirror of the reflection");
+    let shown: Vec<usize> = one.visible().iter(&scene).map(|id| id.index()).collect();
+    assert_eq!(shown, [8, 9, 10], "the boxes before the mirror and at its sides");
+}
+
+/// Removes all objects but one, and counts the views that it culls.
+struct AllButOne(ObjectId, u32);
+
+impl Culler for AllButOne {
+    fn name(&self) -> &str {
+        "all but one"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Approximate
+    }
+
+    fn cull(&mut self, scene: &Scene, _: &View, visible: &mut VisibleSet) -> CullStats {
+        self.1 += 1;
+        visible.retain(scene, |id, _| id == self.0)
+    }
+}
+
+/// Another culler takes objects out of each reflection of the last frame, which stay the result of a frame.
+/// The next frame begins anew.
+#[test]
+fn another_culler_culls_what_a_mirror_shows() {
+    let (mut cells, (mut scene, ids)) = (row_of_rooms(2), boxes(2));
+    cells.sync(&scene);
+    let corners = [[1.0, 0.5], [1.0, 2.0], [3.0, 2.0], [3.0, 0.5]];
+    let glass = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(8.0, y, z))).unwrap();
+    let mirror = cells.add_mirror(CellId(1), &glass).unwrap();
+    let (mut eye, mut culler) = (PortalEye::new(), AllButOne(ids[1], 0));
+    let shown = |eye: &PortalEye, scene: &Scene| -> Vec<ObjectId> {
+        eye.reflections().iter().flat_map(|one| one.visible().iter(scene)).collect()
+    };
+    eye.cull_reflections(&scene, &mut culler);
+    assert_eq!(culler.1, 0, "views before the first frame");
+    seen(&mut eye, &cells, &scene, &along());
+    assert_eq!(shown(&eye, &scene), ids, "objects in the mirror");
+    eye.cull_reflections(&scene, &mut culler);
+    assert_eq!((culler.1, shown(&eye, &scene)), (1, vec![ids[1]]), "views, and objects that are left");
+    assert!(eye.reflections().iter().all(|one| one.visible().is_finished()), "the sets of reflections");
+    scene.insert(Aabb::from_arrays([1.0, 1.0, 0.0], [3.0, 3.0, 1.0]));
+    scene.rebuild();
+    assert_eq!(shown(&eye, &scene), [ids[1]], "objects that are left, once others have come");
+    cells.sync(&scene);
+    seen(&mut eye, &cells, &scene, &along());
+    assert!(shown(&eye, &scene).len() > ids.len(), "objects in the next frame");
+    cells.set_mirror(mirror, false).unwrap();
+    seen(&mut eye, &cells, &scene, &along());
+    eye.cull_reflections(&scene, &mut culler);
+    assert_eq!((culler.1, shown(&eye, &scene)), (1, vec![]), "views with a covered mirror");
 }

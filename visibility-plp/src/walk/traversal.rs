@@ -48,10 +48,11 @@ impl Walk {
     /// boundary cells that may be in view into the front.
     fn seed<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>) {
         // The error of the eye loses nothing where the near plane is more than twice that error away, as it
-        // is but for eyes some 10^13 near distances from the view's origin. The computed eye and all visible points are on the inner side
-        // of the side planes, so no cell between them is outside. The exact eye's cell is reached from this
-        // one by `exit_margin`. The walk propagates the first cell before any test against a map, and maps
-        // are not asked about cells that cross the near plane, as cells between both eyes do.
+        // is but for eyes some 10^13 near distances from the view's origin. The computed eye and all visible
+        // points are on the inner side of the side planes, so no cell between them is outside. The exact
+        // eye's cell is reached from this one by `exit_margin`. The walk propagates the first cell before any
+        // test against a map, and maps are not asked about cells that cross the near plane, as cells between
+        // both eyes do.
         if let Eye::Point(eye) = frame.frustum.eye
             && let Some(cell) = frame.tessellation.locate(eye)
         {
