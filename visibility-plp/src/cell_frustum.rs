@@ -110,9 +110,12 @@ impl CellFrustum {
                     // cosine is rounded by a few times 2^-53, beside the error of the direction.
                     Eye::Direction(along) => {
                         let lean = bounded.normal.dot(along);
-                        // Rays that lean inwards by rounding come from this far outside of the plane.
-                        bounded.slack += 4.0 * reach * (lean + eye_error).max(0.0);
-                        lean <= 1e-15 + eye_error
+                        let is_side = lean <= 1e-15 + eye_error;
+                        if is_side {
+                            // Rays that lean inwards by rounding come from this far outside of the plane.
+                            bounded.slack += 4.0 * reach * (lean + eye_error).max(0.0);
+                        }
+                        is_side
                     }
                 };
                 if eye_is_inside == with_eye_inside {
