@@ -263,11 +263,10 @@ impl<'a> Advisor<'a> {
                 let [objects, triangles] =
                     [comparison.reported_objects, comparison.reported_triangles].map(f64::from);
                 let total_us = cull_us + self.draw.of(objects, triangles);
-                let false_hidden = cheapest.false_hidden.max(comparison.false_hidden_objects.into());
+                cheapest.false_hidden = cheapest.false_hidden.max(comparison.false_hidden_objects.into());
                 if run == 0 || total_us < cheapest.total_us {
-                    *cheapest = CullerTrial { cull_us, objects, triangles, false_hidden, total_us };
+                    *cheapest = CullerTrial { cull_us, objects, triangles, total_us, ..*cheapest };
                 }
-                cheapest.false_hidden = false_hidden;
                 sum += share * cheapest.cull_us;
                 // The first run grows buffers. From the second run on, the mean of the cheapest runs is
                 // compared with the limit.

@@ -213,7 +213,7 @@ fn reflections_are_those_of_the_crates_frame_by_frame() {
             // What the matrix mirrors turns its determinant.
             let m = one.view().clip_from(from).determinant() * camera.clip_from(from).determinant();
             turned += usize::from((m < 0.0) == (one.depth() == 1));
-            // What is seen in the mirror culls as any other view: no object of the frustum is added.
+            // The view of the mirror culls as any other view: no object of the frustum is added.
             // SAFETY: handles are live.
             unsafe {
                 let by_frustum = make(vis_pipeline_create);

@@ -469,7 +469,7 @@ for (const simd128 of [false, true]) {
     // Cubes of 1 m, 10 and 40 m ahead, and one that fades from 30 to 50 m.
     const cube = (x, y) => [x, y, 0, x + 1, y + 1, 1];
     const [near, far, fading] = scene.insertAll({ bounds: [cube(10, 1), cube(40, 1), cube(40, -2)].flat() });
-    // Of a picture of 1000 rows, at 10 m: sqrt(3) m are 1.73 / 10 * SCALE * 500 = 159 pixels; at 40 m, 40.
+    // Of a picture of 1000 rows, sqrt(3) m are 1.73 / 10 * SCALE * 500 = 159 pixels at 10 m, and 40 pixels at 40 m.
     scene.setLodSizes([near, far], [100, 50]);
     scene.setDrawRange(fading, 0, 50, 20);
     const [view, visible] = [visibility.createView(), visibility.createVisible()];
@@ -659,7 +659,7 @@ for (const simd128 of [false, true]) {
     assert.ok(near([a, b, c], [-1, 0, 0]) && Math.abs(d - 8) < 1e-5 && others.length === 0, `${[a, b, c, d]}`);
     assert.ok(Math.abs(mirrored.clipPlanes(far)[0][3] - (8 - 100)) < 1e-5);
     assert.deepEqual(view.clipPlanes(), []);
-    // What is seen in the mirror is a frame's result: levels, draw lists, and again a view.
+    // The mirror's set is a frame's result: levels, draw lists, and again a view.
     const lods = visibility.createLods(100);
     lods.select(scene, mirrored, shown, 0);
     assert.deepEqual([...lods.selected.ids], [...shown.ids]);
@@ -699,7 +699,7 @@ for (const simd128 of [false, true]) {
     pipeline.cull(scene, view, changing);
     assert.deepEqual([...changing.newlyVisible], [...changing.ids]);
     assert.equal(changing.newlyVisible.length > 0, true);
-    // What is drawn to 4.8 m is in the mirror, too: the camera is 4.5 m away, the reflected eye 8 m.
+    // The object that is drawn to 4.8 m is in the mirror, too: the camera is 4.5 m from it, the reflected eye 8 m.
     pipeline.addContribution(1000, 0);
     const shows = (end) => {
       scene.setDrawRange(ids[0], 0, end);

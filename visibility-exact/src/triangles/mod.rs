@@ -340,19 +340,13 @@ impl SceneTriangles {
             let flat = normal.dot(pc - plane[0]).abs() <= flatness;
             // The new corner must be beyond the edge that it joins, and on the inner side of all others. A
             // test that all corners turn the same way would accept rings that wind around more than once.
-            let inside = |k: usize| {
-                let (x, y) = (ring[k].2, ring[(k + 1) % n].2);
-                normal.cross(y - x).normalize_or_zero().dot(pc - x)
-            };
-            // The check of proofs asks each corner against each side, so older corners against new sides too.
-            let holds = |x: DVec3, y: DVec3| {
-                let inwards = normal.cross(y - x).normalize_or_zero();
-                ring.iter().all(|corner| inwards.dot(corner.2 - x) >= -flatness)
-            };
+            let inside = |x: DVec3, y: DVec3, p: DVec3| normal.cross(y - x).normalize_or_zero().dot(p - x);
             let is_convex = || {
-                (0..n).all(|k| if k + 1 == at { inside(k) < 0.0 } else { inside(k) >= -flatness })
-                    && holds(ring[at - 1].2, pc)
-                    && holds(pc, ring[at % n].2)
+                let old = |k: usize| inside(ring[k].2, ring[(k + 1) % n].2, pc);
+                // The check of proofs asks each corner against each side, so older corners against new sides.
+                let new = [(ring[at - 1].2, pc), (pc, ring[at % n].2)];
+                (0..n).all(|k| if k + 1 == at { old(k) < 0.0 } else { old(k) >= -flatness })
+                    && new.iter().all(|&(x, y)| ring.iter().all(|of| inside(x, y, of.2) >= -flatness))
             };
             if !flat || ring.iter().any(|corner| corner.0 == c) || !is_convex() {
                 continue;
