@@ -5,6 +5,7 @@ use std::sync::Arc;
 use visibility_2d::horizon::{Horizon, HorizonCuller, HorizonOccluders, UpAxis};
 use visibility_core::glam::{Affine3A, DVec3, Vec3};
 use visibility_core::{Aabb, Culler, OccluderMesh, OcclusionCuller, Pose, View, VisibleSet};
+use visibility_testing::notched_blade;
 
 /// Returns whether a box is hidden behind a mesh, as seen from `eye` towards `ahead`: by the culler with
 /// prepared occluders, and by the map.
@@ -26,29 +27,7 @@ fn hidden(mesh: &OccluderMesh, transform: Affine3A, eye: DVec3, ahead: DVec3, bo
 /// front of a face by more than two steps of `f32`.
 #[test]
 fn a_box_seen_through_the_notch_of_a_blade_is_visible() {
-    let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
-    let p = [
-        at(1999.99, 0.0, 0.0),
-        at(2000.01, 0.0, 0.0),
-        at(2000.01, 10.0, 0.0),
-        at(1999.99, 10.0, 0.0),
-        at(2000.0, 0.0, 10.0),
-        at(2000.0, 10.0, 10.0),
-        at(2000.0, 5.0, 9.8),
-    ];
-    let triangles = [
-        [0, 3, 2],
-        [0, 2, 1],
-        [0, 1, 4],
-        [2, 3, 5],
-        [1, 2, 6],
-        [1, 6, 4],
-        [2, 5, 6],
-        [3, 0, 6],
-        [0, 4, 6],
-        [3, 6, 5],
-    ];
-    let mesh = OccluderMesh::from_indexed(&p, &triangles).unwrap();
+    let mesh = notched_blade(2000.0, 0.01, 10.0, 0.2);
     assert!(mesh.is_convex(), "the blade counts as convex");
     let eye = DVec3::new(1980.0, 5.0, 9.9);
     let boxed = |low: f32| Aabb::from_arrays([2010.0, 4.9, low], [2010.1, 5.1, low + 0.03]);

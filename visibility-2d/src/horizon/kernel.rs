@@ -67,35 +67,7 @@ mod tests {
     use super::*;
     use visibility_core::Aabb;
     use visibility_core::glam::Vec3;
-
-    /// Makes a closed blade 20 m long, `width` wide at the bottom, whose edge at a height of 10 m is lowered
-    /// by `notch` halfway.
-    fn blade(width: f32, notch: f32) -> OccluderMesh {
-        let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
-        let half = width / 2.0;
-        let p = [
-            at(-half, 0.0, 0.0),
-            at(half, 0.0, 0.0),
-            at(half, 20.0, 0.0),
-            at(-half, 20.0, 0.0),
-            at(0.0, 0.0, 10.0),
-            at(0.0, 20.0, 10.0),
-            at(0.0, 10.0, 10.0 - notch),
-        ];
-        let triangles = [
-            [0, 3, 2],
-            [0, 2, 1],
-            [0, 1, 4],
-            [2, 3, 5],
-            [1, 2, 6],
-            [1, 6, 4],
-            [2, 5, 6],
-            [3, 0, 6],
-            [0, 4, 6],
-            [3, 6, 5],
-        ];
-        OccluderMesh::from_indexed(&p, &triangles).unwrap()
-    }
+    use visibility_testing::notched_blade;
 
     /// Returns how far each vertex is from the point of the kernel near it.
     fn moves(mesh: &OccluderMesh) -> Option<[f64; 8]> {
@@ -110,7 +82,7 @@ mod tests {
     #[test]
     fn vertices_of_convex_solids_stay() {
         let cube = OccluderMesh::cuboid(&Aabb::from_arrays([-1.0, 0.0, 2.0], [1.0, 3.0, 4.0])).unwrap();
-        for mesh in [cube, blade(2.0, 0.0), blade(2.0, -1.0)] {
+        for mesh in [cube, notched_blade(0.0, 1.0, 20.0, 0.0), notched_blade(0.0, 1.0, 20.0, -1.0)] {
             assert_eq!(moves(&mesh), Some([0.0; 8]), "{:?}", mesh.positions());
         }
     }
@@ -128,7 +100,7 @@ mod tests {
     #[test]
     fn vertices_move_until_they_are_behind_all_faces_and_no_farther() {
         for notch in [0.0625, 0.5, 1.0] {
-            let mesh = blade(2.0, notch);
+            let mesh = notched_blade(0.0, 1.0, 20.0, notch);
             let kernel = Kernel::new(&mesh).unwrap();
             let mut moved = 0;
             for (vertex, p) in (0..).zip(mesh.positions().iter().map(|p| p.as_dvec3())) {
@@ -143,13 +115,17 @@ mod tests {
             }
             assert!((2..7).contains(&moved), "notch {notch}: {moved} vertices are moved");
         }
-        assert_eq!(moves(&blade(2.0, 9.0)), None, "the middle is above the bottom of the notch");
+        assert_eq!(
+            moves(&notched_blade(0.0, 1.0, 20.0, 9.0)),
+            None,
+            "the middle is above the bottom of the notch"
+        );
     }
 
     /// A mesh that is turned inside out, or that has no inside, has no kernel.
     #[test]
     fn meshes_without_an_inside_have_no_kernel() {
-        let solid = blade(2.0, 0.0);
+        let solid = notched_blade(0.0, 1.0, 20.0, 0.0);
         let turned: alloc::vec::Vec<_> = solid.triangles().iter().map(|&[a, b, c]| [a, c, b]).collect();
         let turned = OccluderMesh::from_indexed(solid.positions(), &turned).unwrap();
         let open = OccluderMesh::from_indexed(solid.positions(), &solid.triangles()[1..]).unwrap();
@@ -165,7 +141,7 @@ mod tests {
     fn vertices_that_would_move_more_than_halfway_have_no_point() {
         let notches = (1..40).map(|step| step as f32 * 0.25);
         let mut far = notches.filter(|&notch| {
-            let mesh = blade(2.0, notch);
+            let mesh = notched_blade(0.0, 1.0, 20.0, notch);
             Kernel::new(&mesh).is_some() && moves(&mesh).is_none()
         });
         assert!(far.next().is_some(), "no notch is deep enough");
@@ -176,7 +152,7 @@ mod tests {
     fn tiny_and_huge_meshes_keep_their_kernel() {
         for scale in [-126, -60, 60, 122].map(|exponent| 2f32.powi(exponent)) {
             for notch in [0.0, 0.25] {
-                let mesh = blade(2.0, notch);
+                let mesh = notched_blade(0.0, 1.0, 20.0, notch);
                 let p: alloc::vec::Vec<Vec3> = mesh.positions().iter().map(|&p| p * scale).collect();
                 let scaled = moves(&OccluderMesh::from_indexed(&p, mesh.triangles()).unwrap());
                 let expected = moves(&mesh).map(|by| by.map(|by| by * f64::from(scale)));
