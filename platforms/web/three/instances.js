@@ -6,8 +6,6 @@ import {
   InstancedBufferAttribute,
   InstancedMesh,
   Material,
-  NoBlending,
-  NormalBlending,
   Sphere,
 } from "three";
 import { Surface } from "./surfaces.js";
@@ -29,21 +27,12 @@ export function canLeaveOut(mesh, renderer, surfaces) {
   const { attributes } = mesh.geometry;
   return (
     (!mesh.instanceColor || mesh.instanceColor.array) &&
-    [mesh.material].flat().every((material) => isUnordered(material, surfaces)) &&
+    // A shader of the user's own may count instances.
+    [mesh.material].flat().every((material) => !material || surfaces.now(material) !== Surface.NeverHidden) &&
     !Object.values(attributes).some(
       (a) => a.isInstancedBufferAttribute || a.data?.isInstancedInterleavedBuffer,
     )
   );
-}
-
-/** Whether a picture is the same in whichever order the instances of a material are drawn. */
-function isUnordered(material, surfaces) {
-  if (!material) return true;
-  const { transparent, depthWrite, blending } = material;
-  const isBlended = transparent || !depthWrite || (blending !== NormalBlending && blending !== NoBlending);
-  // Blended instances keep the order that the user has chosen. A shader of the user's own may count
-  // instances.
-  return !isBlended && surfaces.now(material) !== Surface.NeverHidden;
 }
 
 /** What a carrier is made of: three.js reads its attributes, and draws nothing. */
@@ -52,9 +41,12 @@ NOTHING.boundingSphere = new Sphere();
 const INVISIBLE = new Material();
 INVISIBLE.visible = false;
 
+/** Of a place that has no instance yet. */
+const NO_INSTANCE = 2 ** 32 - 1;
+
 /**
- * The instances of an `InstancedMesh`, those visible first: in attributes of their own, so that shadows and
- * other cameras draw all of them, in any order.
+ * The visible instances of an `InstancedMesh`, in their order, since it decides what is seen where surfaces meet: in
+ * attributes of their own, so that shadows and other cameras draw all of them.
  * Of one renderer: changes are marked in the attributes until it has sent them to its graphics card.
  */
 export class InstanceOrder {
@@ -62,7 +54,7 @@ export class InstanceOrder {
     this.count = count;
     this.visible = 0;
     /** Instance by place. */
-    this.instances = Uint32Array.from({ length: count }, (_, i) => i);
+    this.instances = new Uint32Array(count).fill(NO_INSTANCE);
     this.matrices = this.colors = null;
     /** The renderer sends these attributes to the graphics card when it meets this among what it may draw. */
     this.carrier = new InstancedMesh(NOTHING, INVISIBLE, 0);
@@ -86,39 +78,33 @@ export class InstanceOrder {
   }
 
   #copy(copy, from) {
-    const { itemSize, normalized, version } = from;
+    const { array, itemSize, normalized, version } = from;
     if (copy?.fromVersion === version) return copy;
-    const length = this.count * itemSize;
-    copy ??= new InstancedBufferAttribute(from.array.slice(0, length), itemSize, normalized);
-    Object.assign(copy, { from, fromVersion: version, usage: from.usage });
-    this.instances.forEach((instance, place) => {
-      const at = instance * itemSize;
-      for (let i = 0; i < itemSize; i++) copy.array[place * itemSize + i] = from.array[at + i];
-    });
-    copy.clearUpdateRanges();
-    copy.addUpdateRange(0, length);
-    copy.needsUpdate = true;
+    const content = array.slice(0, this.count * itemSize);
+    copy ??= new InstancedBufferAttribute(new array.constructor(content.length), itemSize, normalized);
+    Object.assign(copy, { from, fromVersion: version, content, usage: from.usage });
+    this.instances.fill(NO_INSTANCE);
     return copy;
   }
 
-  /** Puts the instances for which `isVisible` is true first, moving as few as possible. */
+  /** Takes the instances for which `isVisible` is true. */
   sort(isVisible) {
-    // Instances that vanish move behind the visible ones; then instances that appear move before the end.
-    for (let place = 0; place < this.visible;) {
-      if (isVisible(this.instances[place])) place++;
-      else this.#swap(place, --this.visible);
+    let [place, begin, end] = [0, this.count, 0];
+    for (let instance = 0; instance < this.count; instance++) {
+      if (!isVisible(instance)) continue;
+      if (this.instances[place] !== instance) {
+        this.instances[place] = instance;
+        put(this.matrices, place, instance);
+        if (this.colors) put(this.colors, place, instance);
+        begin = Math.min(begin, place);
+        end = place + 1;
+      }
+      place++;
     }
-    for (let place = this.visible; place < this.count; place++) {
-      if (isVisible(this.instances[place])) this.#swap(place, this.visible++);
-    }
-  }
-
-  #swap(a, b) {
-    if (a === b) return;
-    const { instances } = this;
-    [instances[a], instances[b]] = [instances[b], instances[a]];
-    swap(this.matrices, a, b);
-    if (this.colors) swap(this.colors, a, b);
+    this.visible = place;
+    if (begin >= end) return;
+    mark(this.matrices, begin, end);
+    if (this.colors) mark(this.colors, begin, end);
   }
 
   /** Gives the mesh these attributes, of the instances that are visible. Returns how to undo it. */
@@ -131,26 +117,21 @@ export class InstanceOrder {
   }
 }
 
-/** Exchanges two elements of an attribute, and marks them for the graphics card. */
-function swap(attribute, a, b) {
-  const { array, itemSize } = attribute;
-  for (let i = 0; i < itemSize; i++) {
-    const number = array[a * itemSize + i];
-    array[a * itemSize + i] = array[b * itemSize + i];
-    array[b * itemSize + i] = number;
-  }
-  // Many small ranges are slower than one large one.
-  if (attribute.updateRanges.length < MOST_RANGES) {
-    attribute.addUpdateRange(a * itemSize, itemSize);
-    attribute.addUpdateRange(b * itemSize, itemSize);
-  } else {
-    attribute.clearUpdateRanges();
-    attribute.addUpdateRange(0, array.length);
-  }
-  attribute.needsUpdate = true;
+/** Writes an instance's element to a place of an attribute. */
+function put({ array, content, itemSize }, place, instance) {
+  for (let i = 0; i < itemSize; i++) array[place * itemSize + i] = content[instance * itemSize + i];
 }
 
-const MOST_RANGES = 512;
+/** Marks elements of an attribute for the graphics card, beside those that it has not been sent yet. */
+function mark(attribute, begin, end) {
+  const { itemSize, updateRanges } = attribute;
+  const starts = updateRanges.map(({ start }) => start);
+  const ends = updateRanges.map(({ start, count }) => start + count);
+  const start = Math.min(begin * itemSize, ...starts);
+  attribute.clearUpdateRanges();
+  attribute.addUpdateRange(start, Math.max(end * itemSize, ...ends) - start);
+  attribute.needsUpdate = true;
+}
 
 /**
  * Makes an `InstancedMesh` draw the instances that are visible, when `isCamera` holds. Returns how to put it

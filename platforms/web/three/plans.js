@@ -92,9 +92,10 @@ function boxOf(object) {
     // A batch that was disposed of is not drawn.
     if (!part.geometry || isElsewhere(part) || (part.isBatchedMesh && !hasInstances(part))) return;
     for (const bone of part.skeleton?.bones ?? []) if (bone) updateUpwards(bone);
-    // `Box3.setFromObject` takes the box of bones and instances as they were when it was first asked for.
+    // `Box3.setFromObject` takes the box of vertices, bones and instances as they were when it was first asked for.
+    part.geometry.computeBoundingBox();
     const own = part.boundingBox === undefined ? part.geometry : part;
-    if (own === part || own.boundingBox === null) own.computeBoundingBox();
+    if (own === part) part.computeBoundingBox();
     if (part.isSprite) box.union(spriteBox(part, own.boundingBox));
     else box.union(own.boundingBox.clone().applyMatrix4(part.matrixWorld));
   });

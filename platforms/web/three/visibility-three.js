@@ -194,8 +194,11 @@ export class VisibilityCulling {
     });
   }
 
+  /** Returns the view of a camera and what goes with it: that of the camera that it shows, if that is culled for too. */
   #tools(camera) {
-    const tools = this.#cameras.get(camera);
+    const own = this.#cameras.get(camera);
+    const shown = this.#cameras.get(own.eye);
+    const tools = shown?.eye === own.eye ? shown : own;
     if (!tools.view) {
       const { worker, zBuffer } = this.#options;
       const { width, height } = zBuffer;

@@ -46,10 +46,11 @@ export function fillTown(scene, count, as) {
       new THREE.Vector3(between(17, 20), between(8, 20) + 25 * random() ** 6, between(17, 20)),
       0,
     );
+    // No two of them meet: where surfaces do, the picture depends on the order in which they are drawn.
     for (let k = 0; k < AROUND; k++) {
-      const along = between(-12, 12);
+      const along = -11.5 + 1.9 * (k >> 1);
       const [dx, dz] = k % 2 ? [along, 11.4] : [11.4, along];
-      const size = between(0.6, 2.2);
+      const size = between(0.6, 1.7);
       place(
         1 + Math.floor(random() * 5),
         dx,

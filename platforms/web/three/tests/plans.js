@@ -224,6 +224,11 @@ test("polygons make a plan; bodies count with their boxes", async () => {
   assert.equal(plan.whoSees([eye], [body]).sees(eye, body), true);
   body.scale.z = 0.5;
   assert.equal(plan.whoSees([eye], [body]).sees(eye, body), false);
+  const moved = BOX.clone();
+  moved.computeBoundingBox();
+  for (let i = 0; i < 8; i++) moved.attributes.position.setZ(i, 5);
+  body.geometry = moved;
+  assert.equal(plan.whoSees([eye], [body]).sees(eye, body), true, "vertices that have moved");
   for (const wrong of [{ height: NaN }, {}, { height: 1, grid: NaN }, { height: 1, grid: -1 }])
     await assert.rejects(ScenePlan.of(new THREE.Scene(), { ...wrong, visibility }), TypeError, JSON.stringify(wrong));
   assert.throws(() => plan.whoSees([eye], [new THREE.Box3()]), /empty box/);

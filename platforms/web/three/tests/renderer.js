@@ -180,6 +180,12 @@ export class Drawn {
     return instances === null || instances.has(instance);
   }
 
+  /** Instances of an `InstancedMesh` without colours that are drawn, in the order in which they are. */
+  order(object) {
+    const keys = Array.from({ length: object.count }, (_, i) => keyOf(object.instanceMatrix.array, i));
+    return [...(this.#instances.get(object) ?? [])].map((key) => keys.indexOf(key));
+  }
+
   /** Number of meshes, or of instances of one. */
   count(object) {
     if (!object) return this.#instances.size;

@@ -637,17 +637,41 @@ test("each renderer has the instances that it draws on its own graphics card", a
   culling.dispose();
 });
 
-test("instances keep their order where it shows", async () => {
-  for (const [material, isWhole] of [
-    [grey(), false],
-    [new THREE.MeshBasicMaterial({ transparent: true }), true],
-    [[grey(), new THREE.MeshBasicMaterial({ transparent: true })], true],
-    [new THREE.MeshBasicMaterial({ depthWrite: false }), true],
-    [new THREE.MeshBasicMaterial({ blending: THREE.CustomBlending }), true],
+test("instances are drawn in their order, which shows where surfaces meet", async () => {
+  for (const material of [
+    grey(),
+    new THREE.MeshBasicMaterial({ transparent: true }),
+    [grey(), new THREE.MeshBasicMaterial({ transparent: true })],
+    new THREE.MeshBasicMaterial({ depthWrite: false }),
+    new THREE.MeshBasicMaterial({ blending: THREE.CustomBlending }),
   ]) {
     const { scene, boxes, camera } = fourBoxes(material);
     const culling = await culled(scene, camera);
-    assert.equal(render(scene, camera).drawn.count(boxes), isWhole ? 4 : 3);
+    const met = new Set();
+    for (const turn of [0, 0.6, -0.6, 0, -0.4, 0.4, 0]) {
+      camera.rotation.y = turn;
+      const order = render(scene, camera).drawn.order(boxes);
+      met.add(order.join());
+      assert.deepEqual(order, order.toSorted(), `turned by ${turn}`);
+      if (turn === 0) assert.deepEqual(order, [1, 2, 3], "the first is behind the wall");
+    }
+    assert.ok(met.size > 2, `orders: ${[...met].join("; ")}`);
+    culling.dispose();
+  }
+});
+
+test("instances just beyond the far plane are drawn: a graphics card keeps them by rounding", async () => {
+  for (const reversed of [false, true]) {
+    const { scene, wall, lamp, boxes, put, camera } = fourBoxes();
+    wall.visible = lamp.visible = false;
+    camera._reversedDepth = reversed;
+    Object.assign(camera, { near: 0.2, far: 2000 });
+    camera.updateProjectionMatrix();
+    put(0, 0, -2000.55);
+    put(1, 0, -2020);
+    const culling = await culled(scene, camera);
+    const { drawn } = render(scene, camera);
+    assert.deepEqual(drawn.order(boxes), [0, 2, 3], `reversed: ${reversed}`);
     culling.dispose();
   }
 });
