@@ -180,6 +180,7 @@ fn a_factor_that_a_pointer_animates_may_be_above_zero() {
 fn a_wall_of_several_materials_hides_only_what_it_hides_in_all() {
     let (one_sided, two_sided) = (json!({}), json!({"doubleSided": true}));
     let glass = json!({"alphaMode": "BLEND"});
+    let coarser = json!({"extensions": {"MSFT_lod": {"ids": [1]}}});
     for (materials, expected) in [
         ([&one_sided, &one_sided], (true, false, true)),
         ([&two_sided, &two_sided], (true, false, false)),
@@ -188,6 +189,9 @@ fn a_wall_of_several_materials_hides_only_what_it_hides_in_all() {
         ([&two_sided, &one_sided], (false, true, false)),
         ([&one_sided, &glass], (false, true, true)),
         ([&glass, &one_sided], (false, true, true)),
+        // From afar, another material may be drawn.
+        ([&coarser, &one_sided], (false, true, false)),
+        ([&one_sided, &coarser], (false, true, false)),
     ] {
         let mut document = document(materials[0].clone(), false);
         document["materials"] = json!(materials);

@@ -29,9 +29,7 @@ fn slice(scene: &SceneSource, height: f32) -> (PlanFile, Vec<Opacity>) {
     let height = f64::from(height * scene.up[up].signum()) - scene.origin[up];
     let place = |end: [f64; 3]| across.map(|axis| end[axis] + scene.origin[axis]);
     let mut walls = Vec::new();
-    for object in
-        scene.objects.iter().filter(|object| object.opaque && !object.door && object.motion.is_none())
-    {
+    for object in scene.objects.iter().filter(|object| object.is_wall()) {
         for triangle in &object.triangles.view().to_vec() {
             let Some([up_end, down_end]) = cut(triangle, up, height) else { continue };
             let mut ends = if is_right_handed { [down_end, up_end] } else { [up_end, down_end] }.map(place);

@@ -142,8 +142,11 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
     let mut is_mesh_pointed_at = vec![false; root.meshes.len()];
     // Each target once: with a variable for its index, a pointer names all items.
     let targets: BTreeSet<String> = pointers.iter().chain(&graphs).map(|pointer| target(pointer)).collect();
-    for pointer in &targets {
+    let items: BTreeSet<&str> = targets.iter().map(|target| item(target)).collect();
+    for pointer in items {
         point_at(pointer, &mut root, &mut is_pointed_at, &mut is_mesh_pointed_at);
+    }
+    for pointer in &targets {
         let node = pointer.strip_prefix("/nodes/");
         let node = node.and_then(|node| node.strip_suffix("/extensions/KHR_node_visibility/visible"));
         node.into_iter().for_each(|node| named(node, &mut is_shown).fill(true));
@@ -410,6 +413,13 @@ fn named<'a, T>(part: &str, items: &'a mut [T]) -> &'a mut [T] {
 fn target(pointer: &str) -> String {
     let parts = pointer.split('/').map(|part| if part.starts_with('{') { "{" } else { part });
     parts.collect::<Vec<_>>().join("/")
+}
+
+/// Returns the beginning of a pointer that names a node or a mesh, whatever of it is animated; other pointers whole.
+fn item(pointer: &str) -> &str {
+    let end = pointer.match_indices('/').nth(2).map_or(pointer.len(), |(end, _)| end);
+    let is_item = pointer.starts_with("/nodes/") || pointer.starts_with("/meshes/");
+    if is_item { &pointer[..end] } else { pointer }
 }
 
 /// Notes the target of an animation by `KHR_animation_pointer`, or of a graph. Sets the flag of an

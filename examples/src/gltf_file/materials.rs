@@ -17,7 +17,8 @@ pub(super) const TRANSMITTING: [(&str, &str, f64); 4] = [
 /// Returns two flags: whether a primitive is see-through, and whether it is drawn only from its front. With
 /// several materials (`KHR_materials_variants`), it is see-through if any of them is, and one-sided if all of
 /// them are. If some are one-sided and others are not, it counts as see-through, since its back is visible
-/// with some and hides nothing with others.
+/// with some and hides nothing with others. With a material for which a renderer may take others from afar
+/// (`MSFT_lod`), it counts as see-through and drawn from both sides: these are not looked at.
 pub(super) fn surface(primitive: &gltf::Primitive<'_>, document: &gltf::Document) -> (bool, bool) {
     let variants = primitive.extension_value("KHR_materials_variants");
     let mappings = variants.map_or(&[][..], |variants| list(variants, "mappings"));
@@ -26,6 +27,9 @@ pub(super) fn surface(primitive: &gltf::Primitive<'_>, document: &gltf::Document
         document.materials().nth(index)
     };
     let materials = || mappings.iter().filter_map(material).chain([primitive.material()]);
+    if materials().any(|material| material.extension_value("MSFT_lod").is_some()) {
+        return (true, false);
+    }
     let [one_sided, two_sided] =
         [false, true].map(|sides| materials().all(|material| material.double_sided() == sides));
     let differ = !one_sided && !two_sided;

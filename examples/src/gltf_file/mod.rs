@@ -318,8 +318,11 @@ impl Collector<'_> {
                 // its own hint.
                 hint.iter().chain(&self.hints[node.index()]).for_each(|&hint| object.take(hint));
                 self.move_object(node, primitive, instance, &mut object);
-                // Which side of a flattened surface is its front depends on a renderer's rounding.
-                object.opaque &= !one_sided || !is_flat(&(self.nodes.worlds[node.index()] * *instance));
+                if one_sided && is_flat(&(self.nodes.worlds[node.index()] * *instance)) {
+                    // Which side of a flattened surface is its front depends on a renderer's rounding: it may be seen
+                    // from either, and hides nothing.
+                    object = SourceObject { opaque: false, see_through: true, one_sided: false, ..object };
+                }
                 self.objects.push(object);
             }
         }

@@ -65,10 +65,9 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
     Ok(SourceCells { graph, viewcells, names, depth: 0.0, with_doorways: None })
 }
 
-/// Returns the opaque triangles of a scene in f64, without door leaves and degenerate triangles, and for each
-/// triangle whether it is drawn only from its front.
+/// Returns the triangles of a scene's walls in f64, without degenerate ones, and for each triangle whether it is drawn only from its front.
 pub fn polygons(source: &SceneSource) -> (Vec<ConvexPolygon>, Vec<bool>) {
-    let opaque = source.objects.iter().filter(|object| object.opaque && !object.door);
+    let opaque = source.objects.iter().filter(|object| object.is_wall());
     let polygon = |triangle: [Vec3; 3]| ConvexPolygon::new(triangle.map(|p| p.as_dvec3())).ok();
     let of = |object: &SourceObject| {
         let one_sided = object.one_sided;

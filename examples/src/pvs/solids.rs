@@ -7,12 +7,11 @@ use std::collections::BTreeSet;
 /// Number of triangles of a box's surface.
 const FACES: usize = 12;
 
-/// Returns the boxes among the triangles of a scene's opaque objects, without doors, as minimum and maximum
-/// corner in world space. A box is only found if twelve consecutive triangles of one object are its whole
+/// Returns the boxes among the triangles of a scene's walls, as minimum and maximum corner in world space. A box is only found if twelve consecutive triangles of one object are its whole
 /// surface. The triangles of a one-sided object must face outwards.
 pub fn boxes(source: &SceneSource) -> Vec<[DVec3; 2]> {
     let mut found = Vec::new();
-    for object in source.objects.iter().filter(|object| object.opaque && !object.door) {
+    for object in source.objects.iter().filter(|object| object.is_wall()) {
         let triangles = object.triangles.view().to_vec();
         let mut rest = triangles.as_slice();
         while let Some(run) = rest.get(..FACES) {

@@ -108,7 +108,7 @@ impl Level {
         if places.is_empty() {
             return Err("the scene has no walks, along which players could walk".into());
         }
-        let opaque = source.objects.iter().filter(|object| object.opaque && !object.door);
+        let opaque = source.objects.iter().filter(|object| object.is_wall());
         let triangles = opaque.flat_map(|object| {
             object
                 .triangles

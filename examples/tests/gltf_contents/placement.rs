@@ -197,7 +197,10 @@ fn flattened_surfaces_hide_only_if_both_sides_are_drawn() {
             }
             let scene = file.scene();
             let case = format!("{parent}, {child}, two-sided: {two_sided}, {users} users");
-            assert_eq!(scene.objects[0].opaque, two_sided || is_certain, "{case}");
+            let first = &scene.objects[0];
+            assert_eq!(first.opaque, two_sided || is_certain, "{case}");
+            assert_eq!(first.see_through, !first.opaque, "nothing is behind it for sure: {case}");
+            assert_eq!(first.one_sided, !two_sided && is_certain, "it may be seen from both sides: {case}");
             assert!(scene.objects[1..].iter().all(|object| object.opaque), "others: {case}");
         }
     }
