@@ -50,15 +50,17 @@ impl Scene {
         (DVec3::from_array(point) - self.scene.origin()).as_vec3()
     }
 
-    /// Returns the triangles of a solid box, with corners rounded inwards, so that it hides no more than the
-    /// box as given. Where the box is thinner than `f32` tells, both sides are rounded to the nearest: a flat
-    /// box hides nothing. `None` for a box that is turned inside out.
-    pub(crate) fn box_triangles(&self, [a, b, c, d, e, f]: [f64; 6]) -> Option<Vec<Triangle>> {
+    /// Returns the triangles of a solid box, and whether it may hide: its corners are rounded inwards, so that it hides
+    /// no more than the box as given. A box within which there is no number of `f32` is drawn with sides rounded to the
+    /// nearest, and hides nothing. `None` for a box that is turned inside out.
+    pub(crate) fn box_triangles(&self, [a, b, c, d, e, f]: [f64; 6]) -> Option<(Vec<Triangle>, bool)> {
         let origin = self.scene.origin().to_array();
         let sides = [(a, d), (b, e), (c, f)];
+        let mut hides = true;
         let inwards = [0, 1, 2].map(|axis| {
             let ((min, max), origin) = (sides[axis], origin[axis]);
             let (low, high) = (rounded_up(min, origin), -rounded_up(-max, -origin));
+            hides &= low <= high;
             if low <= high { (low, high) } else { ((min - origin) as f32, (max - origin) as f32) }
         });
         let corners = Aabb::from_arrays(inwards.map(|side| side.0), inwards.map(|side| side.1));
@@ -67,7 +69,7 @@ impl Scene {
             let [a, b, c] = indices.map(|index| corners.get(index as usize).copied());
             Some([a?, b?, c?])
         };
-        OccluderMesh::CUBOID.into_iter().map(triangle).collect()
+        Some((OccluderMesh::CUBOID.into_iter().map(triangle).collect::<Option<_>>()?, hides))
     }
 
     /// Inserts an object. With triangles it may hide others.

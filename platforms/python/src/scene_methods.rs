@@ -56,8 +56,8 @@ impl Scene {
             }
             let mut ids = Vec::with_capacity(boxes.len());
             for &corners in boxes {
-                let (bounds, triangles) = (self.bounds_of(corners), self.box_triangles(corners));
-                ids.push(self.insert(bounds, triangles, true)?);
+                let (triangles, hides) = self.box_triangles(corners).unzip();
+                ids.push(self.insert(self.bounds_of(corners), triangles, hides == Some(true))?);
             }
             Ok::<_, PyErr>(ids)
         })?;
@@ -233,7 +233,7 @@ impl Scene {
     /// float64, from the box to the object.
     ///
     /// region: (2, 3) float64. clearance: in metres; what is seen only through gaps narrower than 12
-    /// clearances may count as hidden. 0 for none, which takes longer and leaves more undecided. Hidden is
+    /// clearances, or at grazing angles, may count as hidden. 0 for none, which takes longer and leaves more undecided. Hidden is
     /// proven for the triangles as rounded to single precision. Objects without triangles are judged by their
     /// boxes.
     #[pyo3(signature = (region, *, clearance=1e-4))]

@@ -39,6 +39,21 @@ def test_matrix_and_pose_are_one_camera(street):
     assert "eye" in repr(AHEAD) or "View(" in repr(AHEAD)
 
 
+def test_boxes_thinner_than_single_precision_hide_nothing():
+    # A number of single precision has half a metre to the next here.
+    wall = [[500002, 5400000.2, -50], [500020, 5400000.4, 50]]
+    target = [[500100, 5400000.05, 1], [500101, 5400000.15, 2]]
+    view = View.perspective((500000, 5400000.1, 1.5), (500010, 5400000.1, 1.5))
+    scene = Scene()
+    scene.add_boxes([wall, target])
+    assert 1 in scene.cull(view), "seen beside the wall"
+    # As thick as from one number to the next, it hides.
+    for top, is_seen in [(5400000.5, False), (5400000.49, True)]:
+        scene = Scene()
+        scene.add_boxes([[[500002, 5399999.5, -50], [500020, top, 50]], target])
+        assert (1 in scene.cull(view)) == is_seen, top
+
+
 def test_boxes_without_shape_move_and_hide_nothing():
     scene = Scene(origin=(1e6, 0, 0))
     boxes = np.array([WALL, LAMP]) + (1e6, 0, 0)
