@@ -1,11 +1,12 @@
 //! Culling by a baked set: a file of the program `bake`, whose objects are entities.
 
 use crate::mirror::VisibilityScene;
+use bevy_asset::{AssetEvent, AssetId};
 use bevy_camera::primitives::{Aabb as BevyAabb, Sphere};
 use bevy_camera::visibility::{RenderLayers, VisibilityRange};
 use bevy_ecs::lifecycle::RemovedComponents;
 use bevy_ecs::prelude::*;
-use bevy_mesh::Mesh3d;
+use bevy_mesh::{Mesh, Mesh3d};
 use bevy_transform::components::GlobalTransform;
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
@@ -93,7 +94,7 @@ enum Place {
 
 /// Visible sets that the level's cullers use.
 #[derive(Clone, Default, Debug)]
-enum Sets {
+pub(crate) enum Sets {
     /// Entities have not been compared with the baked objects yet, so the culler hides nothing.
     #[default]
     Unknown,
@@ -308,11 +309,11 @@ type Touched = Or<(
 )>;
 
 /// Finds the entities that are at their baked positions. Prepares the set for the scene again if there are
-/// new ones, or if the scene's change log no longer reaches back. `last` identifies the level of the last
-/// frame by the address of its shared data.
+/// new ones, or if the scene's change log no longer reaches back. `last` is the shared data of the level of the
+/// last frame.
 pub(crate) fn follow_level(
     level: Option<ResMut<BakedLevel>>,
-    mut last: Local<Option<usize>>,
+    mut last: Local<Option<Arc<Mutex<Sets>>>>,
     mirror: Res<VisibilityScene>,
     touched: Query<Candidate, Touched>,
     all: Query<Candidate>,
@@ -321,11 +322,18 @@ pub(crate) fn follow_level(
     mut removed_meshes: RemovedComponents<Mesh3d>,
     mut removed_ranges: RemovedComponents<VisibilityRange>,
     mut removed_layers: RemovedComponents<RenderLayers>,
+    mut mesh_events: MessageReader<AssetEvent<Mesh>>,
 ) {
+    let present = level.as_ref().map(|level| level.shared.clone());
+    let is_other = last.as_ref().map(Arc::as_ptr) != present.as_ref().map(Arc::as_ptr);
+    if is_other && let Some(former) = std::mem::replace(&mut *last, present) {
+        // Nobody follows the entities for its cullers any more.
+        set(&former, Sets::Unknown);
+    }
     let Some(mut level) = level else {
         removed.clear();
         removed_meshes.clear();
-        *last = None;
+        mesh_events.clear();
         return;
     };
     let level = level.bypass_change_detection();
@@ -339,13 +347,21 @@ pub(crate) fn follow_level(
         is_stale |= level.set_changed(entity);
     }
     let is_new = std::mem::take(&mut level.is_new);
-    let address = Some(Arc::as_ptr(&level.shared) as usize);
-    if *last != address && !is_new {
+    if is_other && !is_new {
         // While the level was not a resource, changes of entities were not recorded.
         level.set_all_changed(|_| true);
         is_stale = true;
     }
-    *last = address;
+    let lost =
+        |event: &AssetEvent<Mesh>| if let AssetEvent::Removed { id } = event { Some(*id) } else { None };
+    let lost: HashSet<AssetId<Mesh>> = mesh_events.read().filter_map(lost).collect();
+    if !lost.is_empty() {
+        // bevy draws them no more.
+        let is_lost = |mesh: Option<Ref<Mesh3d>>| mesh.is_some_and(|mesh| lost.contains(&mesh.id()));
+        for (entity, ..) in all.iter().filter(|(.., mesh)| is_lost(mesh.clone())) {
+            is_stale |= level.set_changed(entity);
+        }
+    }
     let mut follow = |(entity, object, mesh): (Entity, Ref<BakedObject>, Option<Ref<Mesh3d>>)| {
         if object.is_changed() {
             is_stale |= level.remove(entity);
@@ -383,5 +399,10 @@ pub(crate) fn follow_level(
     } else {
         return;
     };
-    *level.shared.lock().unwrap_or_else(PoisonError::into_inner) = sets;
+    set(&level.shared, sets);
+}
+
+/// Gives the cullers of a level other sets.
+fn set(shared: &Mutex<Sets>, sets: Sets) {
+    *shared.lock().unwrap_or_else(PoisonError::into_inner) = sets;
 }

@@ -10,7 +10,9 @@ use bevy_camera::{Camera, Camera3d, Projection};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::GlobalTransform;
 use visibility_core::culler::Lack;
+use visibility_core::jobs::Jobs;
 use visibility_core::pipeline::Explanation;
+use visibility_core::view::ViewRegion;
 use visibility_core::{Accuracy, CullStats, Culler, FrustumCuller, Pipeline, Scene, View, VisibleSet};
 use visibility_hzb::{Hzb, HzbCuller};
 
@@ -118,6 +120,23 @@ impl Culler for WhereOccluders {
             return self.0.cull(scene, view, visible);
         }
         CullStats::default().with_visible(visible.count(scene) as u64)
+    }
+
+    fn cull_region(
+        &mut self,
+        jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        region: &ViewRegion,
+        visible: &mut VisibleSet,
+    ) -> Option<CullStats> {
+        if scene.occluder_count() > 0 {
+            return self.0.cull_region(jobs, scene, region, visible);
+        }
+        Some(CullStats::default().with_visible(visible.count(scene) as u64))
+    }
+
+    fn answer_holds(&self) -> bool {
+        self.0.answer_holds()
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {

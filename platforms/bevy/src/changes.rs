@@ -11,6 +11,7 @@ use bevy_camera::visibility::{
     VisibilityRange,
 };
 use bevy_ecs::change_detection::{ContiguousRef, Tick};
+use bevy_ecs::component::ComponentId;
 use bevy_ecs::entity_disabling::DefaultQueryFilters;
 use bevy_ecs::lifecycle::RemovedComponents;
 use bevy_ecs::prelude::*;
@@ -20,7 +21,7 @@ use bevy_mesh::morph::MeshMorphWeights;
 use bevy_mesh::skinning::SkinnedMesh;
 use bevy_mesh::{Mesh, Mesh3d};
 use bevy_transform::components::GlobalTransform;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use visibility_core::glam::Affine3A;
 use visibility_core::{Aabb, ObjectId};
@@ -86,17 +87,32 @@ impl Removals<'_, '_> {
 ///
 /// [`Disabled`]: bevy_ecs::entity_disabling::Disabled
 #[derive(Resource, Default)]
-pub(crate) struct Toggled(Vec<Entity>);
+pub(crate) struct Toggled {
+    entities: Vec<Entity>,
+    /// Disabling components that are watched.
+    watched: HashSet<ComponentId>,
+    /// Whether the last frame began to watch some: what was disabled since then may have been missed.
+    is_new: bool,
+}
 
-/// Adds observers that list entities in [`Toggled`] when a disabling component is added or removed.
-pub(crate) fn watch_disabling(world: &mut World) {
-    let Some(filters) = world.get_resource::<DefaultQueryFilters>() else { return };
-    let ids: Vec<_> = filters.disabling_ids().collect();
-    for id in ids {
-        let added = |event: On<Add<()>>, mut toggled: ResMut<Toggled>| toggled.0.push(event.entity);
-        let removed = |event: On<Remove<()>>, mut toggled: ResMut<Toggled>| toggled.0.push(event.entity);
-        world.spawn(Observer::new(added).with_component(id));
-        world.spawn(Observer::new(removed).with_component(id));
+impl Toggled {
+    /// Adds observers for disabling components of the world that are not watched yet. Returns whether entities may have
+    /// been disabled or enabled unseen.
+    fn watch(&mut self, filters: &DefaultQueryFilters, commands: &mut Commands) -> bool {
+        let was_new = std::mem::take(&mut self.is_new);
+        for id in filters.disabling_ids() {
+            if !self.watched.insert(id) {
+                continue;
+            }
+            self.is_new = true;
+            let added =
+                |event: On<Add<()>>, mut toggled: ResMut<Toggled>| toggled.entities.push(event.entity);
+            let removed =
+                |event: On<Remove<()>>, mut toggled: ResMut<Toggled>| toggled.entities.push(event.entity);
+            commands.spawn(Observer::new(added).with_component(id));
+            commands.spawn(Observer::new(removed).with_component(id));
+        }
+        was_new || self.is_new
     }
 }
 
@@ -132,7 +148,8 @@ pub(crate) struct Lists {
     touched: Vec<Entity>,
     moved: Vec<(ObjectId, Aabb)>,
     moved_occluders: Vec<(ObjectId, Affine3A)>,
-    changed_meshes: HashSet<AssetId<Mesh>>,
+    /// Mesh assets that have changed, and whether they are gone.
+    changed_meshes: HashMap<AssetId<Mesh>, bool>,
 }
 
 impl Lists {
@@ -174,11 +191,18 @@ pub(crate) fn sync_scene(
     mut mesh_events: MessageReader<AssetEvent<Mesh>>,
     occluders: Query<(Entity, &Mesh3d), With<Occluder>>,
     described: Query<Described, Followed>,
+    every: Query<Entity, Followed>,
     meshes: Res<Assets<Mesh>>,
+    disabling: Option<Res<DefaultQueryFilters>>,
+    mut commands: Commands,
 ) {
     let (mirror, lists) = (&mut *mirror, &mut *lists);
     removals.for_each(|entity| lists.touched.push(entity));
-    lists.touched.append(&mut toggled.0);
+    if disabling.is_some_and(|disabling| toggled.watch(&disabling, &mut commands)) {
+        lists.touched.extend(mirror.entities().filter(|&entity| described.get(entity).is_err()));
+        lists.touched.extend(every.iter().filter(|&entity| mirror.object(entity).is_none()));
+    }
+    lists.touched.append(&mut toggled.entities);
     lists.touched.extend(&arrived);
     lists.touched.extend(&meshed_occluders);
     for event in mesh_events.read() {
@@ -187,11 +211,15 @@ pub(crate) fn sync_scene(
             continue;
         };
         mirror.forget_mesh(*id);
-        lists.changed_meshes.insert(*id);
+        lists.changed_meshes.insert(*id, matches!(event, AssetEvent::Removed { .. }));
     }
     if !lists.changed_meshes.is_empty() {
-        let changed = |mesh: &Mesh3d| lists.changed_meshes.contains(&mesh.id());
-        lists.touched.extend(occluders.iter().filter(|(_, mesh)| changed(mesh)).map(|(entity, _)| entity));
+        for (entity, mesh) in &occluders {
+            if let Some(&is_removed) = lists.changed_meshes.get(&mesh.id()) {
+                lists.touched.push(entity);
+                mirror.set_mesh_removed(mesh.id(), is_removed);
+            }
+        }
         lists.changed_meshes.clear();
     }
     find_common_changes(mirror, &common, lists);

@@ -18,7 +18,7 @@ use bevy_mesh::skinning::SkinnedMesh;
 use bevy_mesh::{Mesh, Mesh3d};
 use bevy_transform::components::GlobalTransform;
 use std::any::TypeId;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use visibility_core::glam::Vec3;
 use visibility_core::scene::MeshId;
@@ -112,6 +112,8 @@ pub struct VisibilityScene {
     /// Distinct lists of classes of entities, as indices into `classes`. The first list is `Mesh3d` only.
     class_lists: Vec<Vec<u16>>,
     meshes: HashMap<AssetId<Mesh>, Option<MeshId>>,
+    /// Mesh assets that are gone, and that entities with an occluder have.
+    removed_meshes: HashSet<AssetId<Mesh>>,
     custom_meshes: HashMap<usize, (Arc<OccluderMesh>, MeshId)>,
     /// Occluder meshes of boxes, by the bits of the box's corners.
     box_meshes: HashMap<[u32; 6], MeshId>,
@@ -137,6 +139,7 @@ impl Default for VisibilityScene {
             classes: vec![TypeId::of::<Mesh3d>()],
             class_lists: vec![vec![0]],
             meshes: HashMap::new(),
+            removed_meshes: HashSet::new(),
             custom_meshes: HashMap::new(),
             box_meshes: HashMap::new(),
             mesh_limit: FEWEST_MESHES,
@@ -195,6 +198,11 @@ impl VisibilityScene {
     pub(crate) fn boxed_object(&self, entity: Entity) -> Option<ObjectId> {
         let object = self.objects.get(entity.index_u32() as usize)?;
         (object.is_boxed && object.generation == entity.generation()).then_some(object.id)
+    }
+
+    /// Iterates over all entities that the scene follows.
+    pub(crate) fn entities(&self) -> impl Iterator<Item = Entity> {
+        self.scene.ids().map(|id| self.record(id).entity)
     }
 
     /// Returns the entity of an object, or `None` for an object that is not in the scene.
@@ -267,6 +275,15 @@ impl VisibilityScene {
         }
     }
 
+    /// Notes whether a mesh asset is gone that entities have: bevy draws these no more.
+    pub(crate) fn set_mesh_removed(&mut self, asset: AssetId<Mesh>, is_removed: bool) {
+        if is_removed {
+            self.removed_meshes.insert(asset);
+        } else {
+            self.removed_meshes.remove(&asset);
+        }
+    }
+
     /// Removes unused occluder meshes once there are twice as many meshes as after the last removal, so that
     /// changing boxes and assets do not fill the memory.
     fn remove_unused_meshes(&mut self) {
@@ -301,6 +318,8 @@ impl VisibilityScene {
             // Improper bounds: in view wherever that is, and found by every query.
             _ if item.is_never_culled() => Aabb::EMPTY,
             (None, None) => Aabb::EMPTY,
+            // bevy draws a mesh without a box into every shadow map.
+            (None, Some(_)) if item.mesh.is_some() => Aabb::EMPTY,
             (None, Some(sphere)) => reach(sphere),
             (Some(aabb), sphere) => {
                 let of_mesh = world_box(aabb, &transform);
@@ -309,7 +328,8 @@ impl VisibilityScene {
             }
         };
         let occluder = self.occluder(&item, layers, &transform, meshes);
-        let never_cull = item.is_never_culled() || item.aabb.is_none() && item.sphere.is_none();
+        let has_bounds = item.aabb.is_some() || item.sphere.is_some() && item.mesh.is_none();
+        let never_cull = item.is_never_culled() || !has_bounds;
         let object = Object { layers, never_cull, occluder: occluder.is_some(), ..Object::new(bounds) };
         let record = Record {
             entity: item.entity,
@@ -383,7 +403,8 @@ impl VisibilityScene {
         let is_drawn = layers != 0 && layers & OTHER_LAYERS == 0 && !item.range;
         // The object's bounds must be those of the mesh.
         let is_bounded = item.sphere.is_none() && !item.is_never_culled();
-        if !is_drawn || !is_bounded || item.skinned || item.morphed || !can_occlude(transform) {
+        let has_asset = item.mesh.is_none_or(|mesh| !self.removed_meshes.contains(&mesh.id()));
+        if !is_drawn || !is_bounded || !has_asset || item.skinned || item.morphed || !can_occlude(transform) {
             return None;
         }
         let local = local_box(aabb);

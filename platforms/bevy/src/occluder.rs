@@ -52,19 +52,42 @@ pub(crate) fn occluder_of_mesh(mesh: &Mesh) -> Option<OccluderMesh> {
     let Ok(VertexAttributeValues::Float32x3(positions)) = mesh.try_attribute(Mesh::ATTRIBUTE_POSITION) else {
         return None;
     };
-    let indices: Vec<u32> = match mesh.try_indices_option().ok()? {
-        Some(Indices::U16(indices)) => indices.iter().map(|&i| u32::from(i)).collect(),
-        Some(Indices::U32(indices)) => indices.clone(),
-        None => (0..positions.len() as u32).collect(),
+    let (indices, restart): (Vec<u32>, u32) = match mesh.try_indices_option().ok()? {
+        Some(Indices::U16(indices)) => (indices.iter().map(|&i| u32::from(i)).collect(), u16::MAX.into()),
+        Some(Indices::U32(indices)) => (indices.clone(), u32::MAX),
+        None => ((0..positions.len() as u32).collect(), u32::MAX),
     };
     let triangles: Vec<[u32; 3]> = match mesh.primitive_topology() {
         PrimitiveTopology::TriangleList => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
-        // Every second triangle of a strip has the opposite winding.
-        PrimitiveTopology::TriangleStrip => (indices.windows(3).enumerate())
+        // The greatest index begins another strip. Every second triangle of a strip has the opposite winding.
+        PrimitiveTopology::TriangleStrip => (indices.split(|&index| index == restart))
+            .flat_map(|strip| strip.windows(3).enumerate())
             .map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] })
             .collect(),
         _ => return None,
     };
     let positions: Vec<Vec3> = positions.iter().map(|&p| Vec3::from_array(p)).collect();
     OccluderMesh::from_indexed(&positions, &triangles).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::occluder_of_mesh;
+    use bevy_asset::RenderAssetUsages;
+    use bevy_mesh::{Indices, Mesh, PrimitiveTopology};
+
+    #[test]
+    fn strips_end_at_the_greatest_index() {
+        let positions: Vec<[f32; 3]> =
+            (0..6_u8).map(|i| [f32::from(i), f32::from(i % 2), f32::from(i * i)]).collect();
+        let count = |indices: Indices| {
+            let mesh = Mesh::new(PrimitiveTopology::TriangleStrip, RenderAssetUsages::default());
+            let mesh = mesh.with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions.clone());
+            occluder_of_mesh(&mesh.with_inserted_indices(indices)).map(|made| made.triangles().len())
+        };
+        let two = [0, 1, 2, u16::MAX, 3, 4, 5];
+        assert_eq!(count(Indices::U16(two.to_vec())), Some(2), "two strips of a triangle each");
+        assert_eq!(count(Indices::U32(vec![0, 1, 2, u32::MAX, 3, 4, 5])), Some(2), "two strips again");
+        assert_eq!(count(Indices::U32(two.map(u32::from).to_vec())), None, "an index beyond the positions");
+    }
 }

@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use visibility_core::culler::Lack;
 use visibility_core::jobs::Jobs;
+use visibility_core::view::ViewRegion;
 use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 
 /// Handle to a culler in a [`CullingPipeline`](crate::CullingPipeline) that the game keeps, to open doors,
@@ -60,6 +61,20 @@ impl<C: Culler> Culler for Shared<C> {
         visible: &mut VisibleSet,
     ) -> CullStats {
         self.lock().cull_on(jobs, scene, view, visible)
+    }
+
+    fn cull_region(
+        &mut self,
+        jobs: Option<&dyn Jobs>,
+        scene: &Scene,
+        region: &ViewRegion,
+        visible: &mut VisibleSet,
+    ) -> Option<CullStats> {
+        self.lock().cull_region(jobs, scene, region, visible)
+    }
+
+    fn answer_holds(&self) -> bool {
+        self.lock().answer_holds()
     }
 
     fn for_each_lack(&self, scene: &Scene, each: &mut dyn FnMut(Lack)) {

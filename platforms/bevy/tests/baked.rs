@@ -408,11 +408,15 @@ fn a_wall_that_is_not_as_baked_hides_nothing() {
         (app, walls)
     };
     let started = || started_with(BakedLevel::read(&file, Some(version), boxes).unwrap());
-    let changes: [(&str, fn(EntityWorldMut)); 9] = [
+    let changes: [(&str, fn(EntityWorldMut)); 10] = [
         ("moved", |mut wall| wall.get_mut::<Transform>().unwrap().translation.y += 30.0),
         ("of an asset that changes", |mut wall| {
             let (mesh, with_door) = (wall.get::<Mesh3d>().unwrap().id(), Rectangle::default().mesh().build());
             wall.world_scope(|w| *w.resource_mut::<Assets<Mesh>>().get_mut(mesh).unwrap() = with_door);
+        }),
+        ("of an asset that is removed", |mut wall| {
+            let mesh = wall.get::<Mesh3d>().unwrap().id();
+            wall.world_scope(|w| _ = w.resource_mut::<Assets<Mesh>>().remove(mesh));
         }),
         ("of another mesh", |mut wall| *wall.get_mut().unwrap() = Mesh3d::default()),
         ("without its mesh", |mut wall| _ = wall.remove::<Mesh3d>()),
@@ -445,6 +449,19 @@ fn a_wall_that_is_not_as_baked_hides_nothing() {
         check(&mut app, true, name, "and another has taken its place");
         app.world_mut().despawn(part);
         check(&mut app, false, name, "and its other part is gone");
+    }
+    // Without the level, or with another, nobody tells its culler what changes.
+    let removals: [(&str, fn(&mut App, BakedLevel)); 2] = [
+        ("removed", |app, _| _ = app.world_mut().remove_resource::<BakedLevel>()),
+        ("replaced", |app, other| app.insert_resource(other).update()),
+    ];
+    for (name, remove) in removals {
+        let (mut app, [wall, ..]) = started();
+        check(&mut app, true, name, "not yet");
+        remove(&mut app, BakedLevel::read(&file, Some(version), boxes).unwrap());
+        app.world_mut().entity_mut(wall).insert(VisibilityRange::abrupt(0.0, 1.0));
+        app.update();
+        assert!(seen_by(&mut app, BAKED).contains(&Number(POST)), "the level is {name}");
     }
     // While a part of the wall may not be drawn for the camera, another does not take its place.
     let limits: [(&str, fn(&mut EntityWorldMut), fn(&mut EntityWorldMut)); 2] = [

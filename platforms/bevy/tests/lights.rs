@@ -53,6 +53,10 @@ fn spawn_world(world: &mut World) {
             4 => drop(entity.insert(VisibilityRange::abrupt(0.0, 30.0))),
             5 => drop(entity.insert(Visibility::Hidden)),
             6 => drop(entity.remove::<Aabb>()),
+            7 => {
+                let center = transform.translation.into();
+                entity.remove::<Aabb>().insert(Sphere { center, radius: 0.1 });
+            }
             _ => {}
         }
     }

@@ -260,6 +260,13 @@ fn a_mesh_that_is_loaded_late_or_changed_is_followed() {
     assert!(is_seen(&mut app, 1), "changed");
     app.world_mut().resource_mut::<Assets<Mesh>>().insert(&late, whole()).unwrap();
     assert!(!is_seen(&mut app, 1), "changed back");
+    for occluder in [Occluder::Mesh, Occluder::Box] {
+        app.world_mut().entity_mut(wall).insert(occluder);
+        app.world_mut().resource_mut::<Assets<Mesh>>().insert(&late, whole()).unwrap();
+        assert!(!is_seen(&mut app, 1), "here again");
+        app.world_mut().resource_mut::<Assets<Mesh>>().remove(&late);
+        assert!(is_seen(&mut app, 1), "removed while an entity has it, which is not drawn then");
+    }
 }
 
 /// In every frame the wall is another box, another asset, another custom mesh or another entity.
