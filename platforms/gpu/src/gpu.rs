@@ -26,6 +26,13 @@ pub enum GpuError {
     NoDevice(wgpu::RequestDeviceError),
     /// The device was lost, or a buffer could not be read back.
     ReadBack,
+    /// A scene has more objects than what draws it was made for.
+    MoreObjects {
+        /// Number of objects that it was made for.
+        made_for: usize,
+        /// Number of objects of the scene, counted by the greatest index.
+        found: usize,
+    },
 }
 
 impl fmt::Display for GpuError {
@@ -34,6 +41,9 @@ impl fmt::Display for GpuError {
             Self::NoAdapter(cause) => write!(f, "no graphics adapter: {cause}"),
             Self::NoDevice(cause) => write!(f, "the graphics device does not open: {cause}"),
             Self::ReadBack => write!(f, "a buffer of the graphics card could not be read back"),
+            Self::MoreObjects { made_for, found } => {
+                write!(f, "a culler made for {made_for} objects cannot draw {found}: make another")
+            }
         }
     }
 }

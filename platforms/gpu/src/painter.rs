@@ -119,11 +119,12 @@ impl Painter {
     }
 
     /// Clears the target and draws objects into it: groups them into a draw list, uploads its commands, and
-    /// submits.
+    /// submits. Objects newer than `meshes` have no triangles there: nothing of them is drawn.
     pub fn draw(&mut self, gpu: &Gpu, target: &Target, meshes: &Meshes, objects: &[ObjectId]) {
         // Each object is a mesh of its own, so its index is its key.
         self.list.group(objects.iter().copied(), |id| id.index() as u32);
-        let commands = self.list.commands(|mesh| meshes.commands()[mesh as usize]);
+        let commands =
+            self.list.commands(|mesh| meshes.commands().get(mesh as usize).copied().unwrap_or_default());
         let commands: Vec<_> = commands.collect();
         let buffer = gpu.buffer("commands", &commands, BufferUsages::INDIRECT);
         let instances = gpu.buffer("instances", self.list.instances(), BufferUsages::VERTEX);

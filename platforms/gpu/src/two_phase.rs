@@ -11,12 +11,15 @@
 
 use crate::pyramid::{Pyramid, Step};
 use crate::{Gpu, GpuError, Meshes, Painter, Target};
-use visibility_core::visible_set::BitsError;
+use visibility_core::glam::Vec3;
 use visibility_core::{Aabb, Scene, VisibleSet};
 use wgpu::BufferUsages;
 
 /// Greatest number of groups of 64 objects in a row of a dispatch.
 const ROW: u32 = 65_535;
+/// Coordinate from which on a box is never culled: products of greater ones could overflow, which no shader has to
+/// notice.
+const LARGEST: f32 = 1e15;
 
 /// Culls and draws in two phases, for pictures of one target.
 #[derive(Debug)]
@@ -32,6 +35,8 @@ pub struct TwoPhaseCuller {
     read_back: wgpu::Buffer,
     /// Scratch memory with one bit for each object.
     bits: Vec<u32>,
+    /// Number of objects.
+    count: usize,
 }
 
 impl TwoPhaseCuller {
@@ -41,11 +46,13 @@ impl TwoPhaseCuller {
     /// default, above 5.5 million objects.
     pub fn new(gpu: &Gpu, scene: &Scene, meshes: &Meshes, painter: &Painter, target: &Target) -> Self {
         let count = scene.index_limit();
-        let mut boxes = vec![Aabb::EMPTY; count];
+        // Shaders may take it that no number is infinite or NaN: empty bounds are those of a box turned inside out.
+        let never_culled = Aabb { min: Vec3::ONE, max: Vec3::NEG_ONE };
+        let mut boxes = vec![never_culled; count];
         for id in scene.ids() {
-            // The card never culls an object with an empty box, so never-culled objects keep one.
             if let (Ok(object), Ok(bounds)) = (scene.object(id), scene.bounds(id))
                 && !object.is_unculled()
+                && bounds.min.abs().max(bounds.max.abs()).max_element() < LARGEST
             {
                 boxes[id.index()] = bounds;
             }
@@ -80,7 +87,18 @@ impl TwoPhaseCuller {
         let test = Step::new(gpu, &gpu.shader("second phase", source), "test", &resources, each_object);
         let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
         let read_back = gpu.zeros("states read back", states.size(), usage);
-        Self { candidates, states, first_commands, second_commands, choose, pyramid, test, read_back, bits }
+        Self {
+            candidates,
+            states,
+            first_commands,
+            second_commands,
+            choose,
+            pyramid,
+            test,
+            read_back,
+            bits,
+            count,
+        }
     }
 
     /// Forgets which objects were visible in the last frame, so the first phase of the next frame draws
@@ -93,7 +111,7 @@ impl TwoPhaseCuller {
     /// was made for, and draws the remaining objects into it. The painter's camera must be set.
     ///
     /// # Errors
-    /// An error if the set belongs to a scene with more objects than the culler was made for.
+    /// [`GpuError::MoreObjects`] if the scene has more objects than the culler was made for.
     pub fn draw(
         &mut self,
         gpu: &Gpu,
@@ -102,8 +120,11 @@ impl TwoPhaseCuller {
         painter: &Painter,
         scene: &Scene,
         candidates: &VisibleSet,
-    ) -> Result<(), BitsError> {
-        candidates.write_bits(scene, &mut self.bits)?;
+    ) -> Result<(), GpuError> {
+        let more = GpuError::MoreObjects { made_for: self.count, found: scene.index_limit() };
+        if scene.index_limit() > self.count || candidates.write_bits(scene, &mut self.bits).is_err() {
+            return Err(more);
+        }
         gpu.queue.write_buffer(&self.candidates, 0, bytemuck::cast_slice(&self.bits));
         gpu.submit(|encoder| {
             self.choose.run(encoder);

@@ -303,6 +303,39 @@ fn add_rectangle(scene: &mut Scene, x: f32, [y0, z0]: [f32; 2], [y1, z1]: [f32; 
     scene.set_triangles(id, [[a, b, c], [a, c, d]].as_slice()).unwrap();
 }
 
+#[test]
+fn what_is_never_culled_is_drawn_behind_walls_and_more_objects_are_refused() {
+    let Some(gpu) = gpu() else { return };
+    let target = Target::new(&gpu, 64, 64);
+    let mut scene = Scene::new();
+    add_rectangle(&mut scene, 5.0, [-9.0, -9.0], [9.0, 9.0]);
+    for x in [8.0, 8.0, 8.0] {
+        add_rectangle(&mut scene, x, [-1.0, -1.0], [1.0, 1.0]);
+    }
+    let ids: Vec<ObjectId> = scene.ids().collect();
+    scene.set_never_cull(ids[2], true).unwrap();
+    scene.set_bounds(ids[3], Aabb::from_arrays([f32::NEG_INFINITY; 3], [f32::INFINITY; 3])).unwrap();
+    let meshes = Meshes::new(&gpu, &scene);
+    let painter = Painter::new(&gpu, &meshes);
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    painter.look(&gpu, &target, view.clip_from(scene.origin()).as_mat4());
+    let mut culler = TwoPhaseCuller::new(&gpu, &scene, &meshes, &painter, &target);
+    let mut visible = VisibleSet::new();
+    for _ in 0..2 {
+        visible.fill(&scene, &view);
+        culler.draw(&gpu, &target, &meshes, &painter, &scene, &visible).unwrap();
+    }
+    let seen: Vec<bool> = culler.states(&gpu).unwrap().into_iter().map(|(is_seen, _)| is_seen).collect();
+    assert_eq!(seen, [true, false, true, true], "the wall, what it hides, and what is never culled");
+    add_rectangle(&mut scene, 3.0, [-1.0, -1.0], [1.0, 1.0]);
+    visible.fill(&scene, &view);
+    let refused = culler.draw(&gpu, &target, &meshes, &painter, &scene, &visible);
+    assert!(matches!(refused, Err(GpuError::MoreObjects { made_for: 4, found: 5 })), "{refused:?}");
+    let mut painter = painter;
+    painter.draw(&gpu, &target, &meshes, &scene.ids().collect::<Vec<_>>());
+}
+
 /// Posters directly on a wall, with equal depth up to rounding. The first frame only draws the wall, so the
 /// second frame tests the posters against the wall.
 #[test]

@@ -2,7 +2,7 @@
 // phase those that are visible and not yet drawn.
 
 @group(0) @binding(0) var<uniform> camera: Camera;
-// Minimum and maximum corner of each object: 6 numbers.
+// Minimum and maximum corner of each object: 6 numbers, all finite. What is never culled has a box turned inside out.
 @group(0) @binding(1) var<storage, read> boxes: array<f32>;
 @group(0) @binding(2) var<storage, read> candidates: array<u32>;
 @group(0) @binding(3) var<storage, read_write> states: array<u32>;
@@ -21,6 +21,9 @@ const MOST = 3u;
 
 // Returns whether no pixel can show anything of a box.
 fn is_hidden(low: vec3<f32>, high: vec3<f32>) -> bool {
+    if any(low > high) {
+        return false;
+    }
     let rows = transpose(camera.clip_from_scene);
     let extent = vec4(max(abs(low), abs(high)), 1.0);
     let error = ROUNDING * (extent * mat4x4(abs(rows[0]), abs(rows[1]), abs(rows[2]), abs(rows[3])));
@@ -31,8 +34,7 @@ fn is_hidden(low: vec3<f32>, high: vec3<f32>) -> bool {
         let greater = (vec3(corner) & vec3(1u, 2u, 4u)) != vec3(0u);
         let position = camera.clip_from_scene * vec4(select(low, high, greater), 1.0);
         let w = position.w - error.w;
-        // Also for numbers that are not finite.
-        if !(w > 0.0 && position.z + error.z < w) {
+        if w <= 0.0 || position.z + error.z >= w {
             return false;
         }
         let below = position.xy - error.xy;
