@@ -15,6 +15,11 @@
 //! along a line from A to B, so `f >= d` everywhere on the line after B. This holds however the normal was
 //! computed. The offset is taken from the products evaluated over the polygons themselves, and a normal that
 //! does not separate the polygons is not used.
+//!
+//! By rounding, `f` may seem to grow and still fall by the noise from A to B, and as much again on each such
+//! length beyond. But a line keeps more than half the clearance from the edges of A and B, by which `f` grows
+//! in the plane of A: at the share of `1 / t` of that way or more. A plane so steep, with so great a `t`, that
+//! this is not several times the noise is not used.
 
 use crate::directed_portals::Margins;
 use alloc::vec::Vec;
@@ -84,7 +89,8 @@ fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, plan
                 stopped = true;
             }
         }
-        if stopped || slope == f64::NEG_INFINITY {
+        let is_steep = slope.abs() * margins.noise > 0.1 * margins.clearance;
+        if stopped || is_steep || slope == f64::NEG_INFINITY {
             continue;
         }
         // The unit normal, oriented so that polygon `of` lies on the side `own`.

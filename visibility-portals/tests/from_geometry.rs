@@ -1,8 +1,9 @@
 //! Cells made from geometry: an unblocked segment leads through portals from the cell of its start to the
 //! cell of its end, and most blocked segments do not.
 
-use visibility_core::glam::{DMat3, DQuat, DVec2, DVec3};
-use visibility_core::{cells::CellId, geometry::ConvexPolygon};
+use visibility_core::cells::{CellId, Portal};
+use visibility_core::geometry::ConvexPolygon;
+use visibility_core::glam::{DMat3, DQuat, DVec2, DVec3, dvec3};
 use visibility_portals::from_geometry::{
     GeometryError, PolygonSettings, SolidRule, Subdivision, WallSettings, floor_plan, from_polygons,
     from_walls,
@@ -449,14 +450,28 @@ fn odd_input_gives_an_error_or_an_answer() {
         matches!(from_polygons(&soup, &fine), Err(GeometryError::Setting { .. })),
         "a tolerance below rounding"
     );
-    for scale in [1e-30, 1e-9, 1e9, 1e30, 1e300] {
+    for scale in [1e-100, 1e-30, 1e-9, 1e9, 1e30, 1e75] {
         let scaled = [unit.map(|p| p * scale), [DVec3::splat(scale * 2.0), DVec3::splat(scale * 3.0)]];
         let settings = walls.with_margin(scale).with_tolerance(scale * 1e-6);
-        assert!(from_walls(&scaled, &settings).unwrap().graph.cell_count() > 1, "walls of {scale} m");
+        let graph = from_walls(&scaled, &settings).unwrap().graph;
+        assert!(graph.cell_count() > 1, "walls of {scale} m");
+        assert!(graph.portals().len() >= graph.cell_count() - 1, "portals between walls of {scale} m");
         let settings = polygons.with_margin(scale);
-        let cells = from_polygons(&triangles(&scaled, DMat3::IDENTITY), &settings);
-        assert!(cells.is_ok_and(|cells| scale > 1e100 || cells.graph.cell_count() > 1), "{scale}");
+        let graph = from_polygons(&triangles(&scaled, DMat3::IDENTITY), &settings).unwrap().graph;
+        // Polygons of the least size have no area.
+        let least = if scale < 1e-80 { 0 } else { 2 };
+        assert!(graph.cell_count() >= least && graph.portals().len() + 1 >= graph.cell_count(), "{scale}");
     }
+    let too_large = from_walls(&[[DVec3::ZERO, DVec3::splat(1e77)]], &walls);
+    assert!(matches!(too_large, Err(GeometryError::Setting { value: 1e77, .. })), "{too_large:?}");
+    // A slit that is wider than the tolerance stays open, however long it is.
+    let slit = 1.0 + 5e-12;
+    let walls = [[0.0, 1.0], [slit, 2.0]].map(|[low, high]| [dvec3(1.0, low, 0.0), dvec3(1.0, high, 1000.0)]);
+    let settings = WallSettings::default().with_tolerance(0.0).with_min_share(0.0);
+    let graph = from_walls(&walls, &settings.with_min_area(0.0)).unwrap().graph;
+    let has_slit =
+        |portal: &Portal| portal.polygon().vertices().iter().any(|v| v.y > 1.0 && v.y < 1.0 + 1e-9);
+    assert!(graph.portals().iter().any(has_slit), "a slit of 5e-12 m");
     // Random polygons that all intersect: the limit on cells holds.
     let mut random = Random(9);
     let mut point = || DVec3::new(random.fine_unit(), random.fine_unit(), random.fine_unit()) * 10.0;

@@ -7,7 +7,7 @@
 //! nothing.
 
 use super::bsp_portals::{Bsp, Child, Node, NodeCover, renumber_leaves};
-use super::subdivision::{GeometryError, Subdivision, checked};
+use super::subdivision::{GeometryError, Subdivision, checked, checked_extent};
 use super::subtract_polygons::{Lengths, area, width};
 use crate::clip_polygon::clip_into;
 use alloc::collections::{BTreeMap, VecDeque};
@@ -111,9 +111,6 @@ impl<'a> PolygonSettings<'a> {
 /// area in the region.
 const CANDIDATES: usize = 12;
 
-/// Greatest coordinate. Areas and volumes of greater ones would overflow.
-const MAX_COORDINATE: f64 = 1e100;
-
 /// An input polygon, or the part of one inside the region of a node, in world space.
 #[derive(Clone, Debug)]
 struct Fragment {
@@ -166,9 +163,7 @@ pub fn from_polygons(
     let margin = checked("the margin", settings.margin)?;
     (min, max) = (min - margin, max + margin);
     let extent = min.abs().max(max.abs()).max_element();
-    if extent > MAX_COORDINATE {
-        return Err(GeometryError::Setting { what: "the greatest coordinate", value: extent });
-    }
+    checked_extent(extent)?;
     let tolerance = match settings.tolerance {
         Some(tolerance) => checked("the tolerance", tolerance)?,
         None => extent / f64::from(1 << 20),

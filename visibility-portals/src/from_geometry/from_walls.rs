@@ -5,7 +5,7 @@
 //! covered enough. A portal is an open part of the rectangle that two leaves share. All planes are
 //! coordinates of walls, and nothing is computed from them, so every comparison is exact.
 
-use super::subdivision::{GeometryError, Subdivision, checked};
+use super::subdivision::{GeometryError, Subdivision, checked, checked_extent};
 use alloc::vec::Vec;
 use visibility_core::glam::{DVec2, DVec3};
 use visibility_core::{
@@ -117,7 +117,8 @@ struct Shared {
 ///
 /// # Errors
 /// [`GeometryError::Coordinate`] or [`GeometryError::NotAxial`] with the index of the wall,
-/// [`GeometryError::Setting`] with the name of the setting, or [`GeometryError::Graph`].
+/// [`GeometryError::Setting`] with the name of the setting, or of the greatest coordinate if it is above 1e76, or
+/// [`GeometryError::Graph`].
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -154,6 +155,7 @@ pub fn from_walls(walls: &[[DVec3; 2]], settings: &WallSettings) -> Result<Subdi
         return Ok(Subdivision::default());
     }
     let root = Box3 { min: all.min - margin, max: all.max + margin };
+    checked_extent(root.min.abs().max(root.max.abs()).max_element())?;
     let mut tree = Tree { walls: &walls, nodes: Vec::new(), cells: Vec::new() };
     let most = settings.max_cells.clamp(1, CellGraph::LIMIT);
     tree.build(root, min_share, min_area, most);
@@ -428,10 +430,24 @@ fn subtract_wall(axis: usize, piece: &Box3, wall: &Box3, out: &mut Vec<Box3>) {
     }
 }
 
-/// Returns a rectangle perpendicular to `axis` as a polygon whose normal points along the axis. `None` if the
-/// rectangle is too thin for a polygon.
+/// Least width of a portal as a share of its length: above the least area of a [`ConvexPolygon`].
+const THINNEST: f64 = 2e-14;
+/// Least width of a portal in world units: squares of its area do not underflow.
+const SMALLEST: f64 = 1e-70;
+
+/// Returns a rectangle perpendicular to `axis` as a polygon whose normal points along the axis. One that is too thin
+/// or too small for a polygon is widened.
 fn rectangle_polygon(axis: usize, rectangle: &Box3) -> Option<ConvexPolygon> {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+    let mut rectangle = *rectangle;
+    let size = rectangle.max - rectangle.min;
+    for side in [u, v] {
+        if size[side] < size.max_element() * THINNEST || size[side] < SMALLEST {
+            let more = (size.max_element() * THINNEST).max(SMALLEST);
+            rectangle.min[side] -= more;
+            rectangle.max[side] += more;
+        }
+    }
     let corner = |a: DVec3, b: DVec3| {
         let mut p = rectangle.min;
         (p[u], p[v]) = (a[u], b[v]);

@@ -84,6 +84,15 @@ impl From<CellGraphError> for GeometryError {
     }
 }
 
+/// Greatest coordinate. The squared area of a portal between greater ones would overflow, and the portal be no polygon.
+const MAX_COORDINATE: f64 = 1e76;
+
+/// Checks the greatest absolute coordinate of cells.
+pub(super) fn checked_extent(extent: f64) -> Result<(), GeometryError> {
+    let is_good = extent <= MAX_COORDINATE;
+    is_good.then_some(()).ok_or(GeometryError::Setting { what: "the greatest coordinate", value: extent })
+}
+
 /// Returns `value` if it is finite and not negative.
 ///
 /// # Errors
