@@ -50,8 +50,6 @@ struct Question {
     bits: [u32; 6],
     /// Reuse count of this slot in `Boxes::questions`, by which answers about earlier boxes are told apart.
     serial: u32,
-    /// Whether this slot is in use: `Boxes::indices` then maps a box to it.
-    is_known: bool,
     /// Number of the frame of the last test.
     tested: u64,
     /// Whether a query for the box was issued and has no answer yet.
@@ -83,8 +81,12 @@ pub(super) struct Boxes<D> {
     /// Maps each known box, by the bits of its six coordinates, to its slot in `questions`.
     indices: HashMap<[u32; 6], usize>,
     questions: Vec<Question>,
+    /// Slots of `questions` that are in use: few, after a frame of many boxes.
+    known_questions: Vec<usize>,
     free_questions: Vec<usize>,
     queries: Vec<Query>,
+    /// Slots of `queries` that have no answer yet.
+    open_queries: Vec<usize>,
     free_queries: Vec<usize>,
     /// Boxes to be asked about at the next [`ask`](Self::ask), each with the slot of its question.
     pending: Vec<(usize, Aabb)>,
@@ -100,8 +102,10 @@ impl<D: QueryDevice> Boxes<D> {
             max_samples: 0,
             indices: HashMap::new(),
             questions: Vec::new(),
+            known_questions: Vec::new(),
             free_questions: Vec::new(),
             queries: Vec::new(),
+            open_queries: Vec::new(),
             free_queries: Vec::new(),
             pending: Vec::new(),
             group: Vec::new(),
@@ -117,20 +121,25 @@ impl<D: QueryDevice> Boxes<D> {
     /// Forgets boxes that were not tested for some frames, and queries that were lost. Then collects the
     /// answers that have arrived. `frame` is the number of the present frame.
     pub(super) fn listen(&mut self, frame: u64) {
-        let Self { device, indices, questions, free_questions, queries, free_queries, .. } = self;
-        for (index, query) in queries.iter_mut().enumerate() {
-            if !query.members.is_empty() && frame - query.asked > MAX_FRAMES_UNDER_WAY {
+        let Self { device, indices, questions, known_questions, free_questions, .. } = self;
+        let Self { queries, open_queries, free_queries, .. } = self;
+        for &index in open_queries.iter() {
+            let Some(query) = queries.get_mut(index) else { continue };
+            if frame - query.asked > MAX_FRAMES_UNDER_WAY {
                 query.close(questions, |_| {});
                 free_queries.push(index);
             }
         }
-        for (index, question) in questions.iter_mut().enumerate() {
-            if question.is_known && !question.under_way && frame - question.tested > MAX_IDLE_FRAMES {
-                *question = Question { is_known: false, answer: None, ..*question };
+        known_questions.retain(|&index| {
+            let Some(question) = questions.get_mut(index) else { return false };
+            let is_idle = !question.under_way && frame - question.tested > MAX_IDLE_FRAMES;
+            if is_idle {
+                question.answer = None;
                 indices.remove(&question.bits);
                 free_questions.push(index);
             }
-        }
+            !is_idle
+        });
         let max_samples = self.max_samples;
         device.answers(&mut |number, samples| {
             let (index, serial) = (number as u32 as usize, (number >> 32) as u32);
@@ -154,6 +163,7 @@ impl<D: QueryDevice> Boxes<D> {
             });
             free_queries.push(index);
         });
+        open_queries.retain(|&index| queries.get(index).is_some_and(|query| !query.members.is_empty()));
     }
 
     /// Returns the newest answer about a box relative to the scene's origin. `None` without an answer. Notes
@@ -162,14 +172,13 @@ impl<D: QueryDevice> Boxes<D> {
     /// are not renewed.
     pub(super) fn answer(&mut self, bounds: &Aabb, frame: u64, renewed: u64) -> Option<Answer> {
         let bits = key(bounds);
-        let Self { indices, questions, free_questions, pending, .. } = self;
+        let Self { indices, questions, known_questions, free_questions, pending, .. } = self;
         let index = *indices.entry(bits).or_insert_with(|| {
             let index = free_questions.pop().unwrap_or(questions.len());
             let serial = questions.get(index).map_or(0, |question| question.serial.wrapping_add(1));
             let question = Question {
                 bits,
                 serial,
-                is_known: true,
                 tested: frame,
                 under_way: false,
                 max_group: MAX_GROUP,
@@ -180,6 +189,7 @@ impl<D: QueryDevice> Boxes<D> {
                 Some(old) => *old = question,
                 None => questions.push(question),
             }
+            known_questions.push(index);
             index
         });
         let question = questions.get_mut(index)?;
@@ -233,13 +243,14 @@ impl<D: QueryDevice> Boxes<D> {
 
     /// Issues a query about boxes whose questions are in `slots`.
     fn send(&mut self, boxes: &[Aabb], slots: &[usize], frame: u64) {
-        let Self { device, questions, queries, free_queries, .. } = self;
+        let Self { device, questions, queries, open_queries, free_queries, .. } = self;
         let index = free_queries.pop().unwrap_or(queries.len());
         if index == queries.len() {
             queries.push(Query { serial: 0, asked: 0, members: Vec::new() });
         }
         let Some(query) = queries.get_mut(index) else { return };
         query.asked = frame;
+        open_queries.push(index);
         let serial = |&slot: &usize| Some((slot, questions.get(slot)?.serial));
         query.members.extend(slots.iter().filter_map(serial));
         device.ask(index as u64 | u64::from(query.serial) << 32, boxes);

@@ -67,6 +67,8 @@ pub(crate) struct Tree {
     pub(crate) levels: Vec<u8>,
     /// Numbers of the leaves outside the tree, whose objects are never culled and visited by no walk.
     pub(crate) unculled: Vec<u32>,
+    /// Number of leaves at the beginning of `unculled` that are full. All others have a free lane.
+    pub(super) full_unculled: usize,
     free: Vec<u32>,
     /// For each object index, the slot that holds the object; `Slot::NONE` for indices that no object has.
     pub(crate) slots: Vec<Slot>,
@@ -93,6 +95,7 @@ impl Tree {
             parents: Vec::new(),
             levels: Vec::new(),
             unculled: Vec::new(),
+            full_unculled: 0,
             free: Vec::new(),
             slots: Vec::new(),
             detail_bounds: Vec::new(),
@@ -123,6 +126,7 @@ impl Tree {
         self.detail_bounds.clear();
         self.detailed.clear();
         self.unculled.clear();
+        self.full_unculled = 0;
         self.free.clear();
     }
 
@@ -261,9 +265,9 @@ impl Tree {
 
     /// Inserts an object into a leaf outside the tree, where no culler visits it.
     pub(super) fn insert_unculled(&mut self, bounds: &Aabb, payload: Payload) {
-        let node = match self.unculled.last() {
-            Some(&node) if self.occupied[node as usize] != u64::MAX => node,
-            _ => {
+        let node = match self.unculled.get(self.full_unculled) {
+            Some(&node) => node,
+            None => {
                 let node = self.allocate(UNCULLED);
                 self.parents[node as usize] = Slot(self.unculled.len() as u32);
                 self.unculled.push(node);
@@ -272,6 +276,15 @@ impl Tree {
         };
         let lane = self.occupied[node as usize].trailing_ones() as usize;
         self.write(Slot::new(node, lane), bounds, payload);
+        self.full_unculled += usize::from(self.occupied[node as usize] == u64::MAX);
+    }
+
+    /// Exchanges two leaves outside the tree.
+    fn swap_unculled(&mut self, a: usize, b: usize) {
+        self.unculled.swap(a, b);
+        for position in [a, b] {
+            self.parents[self.unculled[position] as usize] = Slot(position as u32);
+        }
     }
 
     /// Removes the object in a slot of a leaf, and frees every node that becomes empty by this. Bounds of the
@@ -281,12 +294,14 @@ impl Tree {
         self.slots[id.index()] = Slot::NONE;
         self.clear_lane(slot);
         if self.levels[slot.node()] == UNCULLED {
-            // Moves the leaf to the end of `unculled`, where the next insertion looks for a free lane.
-            let (position, last) = (self.parents[slot.node()].0 as usize, self.unculled.len() - 1);
-            self.parents[self.unculled[last] as usize] = Slot(position as u32);
-            self.parents[slot.node()] = Slot(last as u32);
-            self.unculled.swap(position, last);
+            let mut position = self.parents[slot.node()].0 as usize;
+            if position < self.full_unculled {
+                self.full_unculled -= 1;
+                self.swap_unculled(position, self.full_unculled);
+                position = self.full_unculled;
+            }
             if self.occupied[slot.node()] == 0 {
+                self.swap_unculled(position, self.unculled.len() - 1);
                 self.unculled.pop();
                 self.release(slot.node() as u32);
             }

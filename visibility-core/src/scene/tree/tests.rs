@@ -117,6 +117,8 @@ fn check(scene: &Scene, seen: &mut Seen) {
             (UNCULLED, place),
             "leaf {leaf} of unculled objects knows its place"
         );
+        let is_full = tree.occupied[leaf] == u64::MAX;
+        assert_eq!(is_full, place < tree.full_unculled, "leaf {leaf} at {place} is full");
         check_leaf(leaf, &mut objects, seen);
     }
     let free: HashSet<usize> = tree.free.iter().map(|&node| node as usize).collect();
