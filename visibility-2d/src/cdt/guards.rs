@@ -12,7 +12,7 @@ use super::plan::Plan;
 use super::predicates::{Point, checked, orient};
 use super::triangulation::{NONE, Place};
 use super::unseen::{SeenCones, UnseenRegion};
-use alloc::collections::BinaryHeap;
+use alloc::collections::{BTreeSet, BinaryHeap};
 use alloc::vec::Vec;
 
 /// Share of a triangle's corner in the place of a witness near the corner; the other two corners share the
@@ -252,25 +252,29 @@ fn witnesses(plan: &Plan, region: &UnseenRegion) -> Vec<Point> {
     let mut claims: Vec<Vec<Option<Wedge>>> = alloc::vec![Vec::new(); plan.triangle_count()];
     let mut witnesses = Vec::new();
     let mut own: Vec<(u32, Option<Wedge>)> = Vec::new();
+    // Triangles that the witness claims as a whole, and vertices that it has claimed those around of.
+    let (mut whole, mut around) = (BTreeSet::new(), BTreeSet::new());
     for (_, point, t) in candidates {
         if claims[t as usize].iter().any(Option::is_none) {
             continue;
         }
         seen.look(plan, point, Place::Triangle(t), true);
         own.clear();
+        whole.clear();
+        around.clear();
         own.extend(seen.parts());
-        for index in 0..own.len() {
-            let t = own[index].0;
+        for &(t, _) in &own {
             for h in 3 * t..3 * t + 3 {
                 let [a, b] = plan.ends(h);
                 let twin = plan.edges[h as usize].twin();
                 let is_grazed = !plan.is_solid(h) && orient(a, b, point) == 0.0;
-                own.extend(twin.filter(|_| is_grazed).map(|twin| (twin / 3, None)));
-                if is_free(h) {
-                    own.extend(plan.fan(h).map(|h| (h / 3, None)));
+                whole.extend(twin.filter(|_| is_grazed).map(|twin| twin / 3));
+                if around.insert(plan.edges[h as usize].origin) && is_free(h) {
+                    whole.extend(plan.fan(h).map(|h| h / 3));
                 }
             }
         }
+        own.extend(whole.iter().map(|&t| (t, None)));
         let is_apart = own.iter().all(|&(t, claim)| {
             claims[t as usize].iter().all(|&other| {
                 let both = claim.zip(other);

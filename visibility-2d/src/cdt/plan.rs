@@ -155,8 +155,13 @@ impl Plan {
         let mut triangulation = Triangulation::new(low, high);
         let vertices = triangulation.insert_all(&ends, &curve);
         let mut constrainer = Constrainer::default();
+        let mut uses = alloc::vec![0_u32; triangulation.points.len()];
+        vertices.iter().for_each(|&vertex| uses[vertex as usize] += 1);
         for (wall, ends) in (0u32..).zip(vertices.chunks_exact(2)) {
-            constrainer.insert(&mut triangulation, ends[0], ends[1], wall)?;
+            // The search for a wall's way goes around its first vertex, which may be that of all walls.
+            let [a, b] = [ends[0], ends[1]];
+            let [a, b] = if uses[a as usize] / 8 > uses[b as usize] { [b, a] } else { [a, b] };
+            constrainer.insert(&mut triangulation, a, b, wall)?;
         }
         Self::packed(triangulation, walls, curve, [low, high])
     }

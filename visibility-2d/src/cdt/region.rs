@@ -222,15 +222,13 @@ impl Plan {
             Place::Vertex(h) => self.fan(h).for_each(|h| add(h, answer)),
             Place::Outside => {}
         }
-        // The overlapped triangles are connected through edges, because the hull is convex. Only a hull
-        // without area may pass through a vertex.
+        // The overlapped triangles are connected through edges, because the hull is convex. One without area may pass
+        // through a vertex, and touches all triangles around it.
         let mut index = 0;
         while index < answer.triangles.len() {
             let first = 3 * answer.triangles[index];
             for h in first..first + 3 {
-                if hull.len() < 3 {
-                    self.fan(h).for_each(|h| add(h, answer));
-                } else if let Some(twin) = self.edges[h as usize].twin() {
+                if let Some(twin) = self.edges[h as usize].twin() {
                     add(twin, answer);
                 }
             }

@@ -10,9 +10,10 @@ use smallvec::SmallVec;
 /// Greatest number of children of an inner node of the tree of discs.
 pub(crate) const FAN: usize = 8;
 
-/// Maximum number of nodes searched for discs that overlap a given disc. Beyond this number, the disc hides
+/// Maximum number of discs that may overlap a given disc, and of nodes searched for them. Beyond either, the disc hides
 /// nothing.
-const MAX_NODES: usize = 512;
+const MAX_OVERLAPPING: usize = 8192;
+const MAX_NODES: usize = 8192;
 
 /// Disc on the plan: a trunk, a pillar, a silo.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -213,10 +214,10 @@ impl Discs {
         let mut solid = disc.radius;
         let mut stack: SmallVec<[(usize, usize); 64]> = SmallVec::new();
         stack.push((self.levels.len() - 1, 0));
-        let mut nodes = 0;
+        let (mut nodes, mut overlapping) = (0, 0);
         while let Some((level, node)) = stack.pop() {
             nodes += 1;
-            if solid == 0.0 || nodes > MAX_NODES {
+            if solid == 0.0 || nodes > MAX_NODES || overlapping > MAX_OVERLAPPING {
                 return 0.0;
             }
             if level > 0 {
@@ -229,6 +230,7 @@ impl Discs {
                 let (squared, reach) = (dx * dx + dy * dy, disc.radius + other.radius);
                 // Discs that touch up to rounding count as overlapping.
                 if at != index && squared <= reach * reach * (1.0 + ROUNDING) {
+                    overlapping += 1;
                     let left = visibility_core::geometry::sqrt(squared) * (1.0 - ROUNDING) - other.radius;
                     solid = solid.min(left.max(0.0));
                 }
