@@ -37,6 +37,16 @@ impl Columns {
         place
     }
 
+    /// Returns a number of columns that a triangle touches at least, up to rounding: what its area fills.
+    pub(super) fn fewest(&self, [a, b, c]: [DVec3; 3]) -> f64 {
+        let [u, v] = self.across;
+        let (p, q) = ((b - a), (c - a));
+        ((p[u] / self.widths[0]) * (q[v] / self.widths[1])
+            - (p[v] / self.widths[1]) * (q[u] / self.widths[0]))
+            .abs()
+            / 2.0
+    }
+
     /// Calls `each` with each column that a triangle touches, and with the least and greatest coordinate of
     /// the triangle on the axis `up` in that column. Columns before `first` or after `last` on an axis are
     /// skipped. A column is given by its position on the two axes `across`.

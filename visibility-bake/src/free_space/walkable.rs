@@ -36,6 +36,9 @@ impl Grid {
             let (min, max) = extent(triangle);
             let limits = [columns.of(self.place(min - slack)?), columns.of(self.place(max + slack)?)];
             let local = triangle.map(|p| p - self.origin);
+            if columns.fewest(local) > Self::LIMIT as f64 {
+                return Err(GridError::TooMany);
+            }
             columns.for_each(local, limits, |column, [low, high]| {
                 let first = ((low + lowest - slack) / height).floor();
                 let last = ((high + highest + slack) / height).floor();

@@ -7,6 +7,7 @@ use crate::bake_cache::{CellRecord, GroupRecord};
 use crate::fingerprints::{METHODS, with_settings, with_viewcell};
 use crate::level_error::LevelError;
 use crate::near_to_far::{Trace, sweep_near_to_far};
+use crate::scratch_file::lock;
 use crate::time_plan::{GROUP, SWEEP};
 use std::ops::Range;
 use std::sync::Arc;
@@ -29,10 +30,14 @@ impl SandwichBaker<'_> {
     /// Releases the content of all groups that no thread is using, if there is a limit of memory. A thread
     /// that returns to such a group loads its content again.
     pub(super) fn release_groups(&self) {
-        for slot in self.slots.iter().filter(|_| self.level.is_in_file()) {
-            let Ok(mut slot) = slot.try_lock() else { continue };
-            slot.group.take_if(|(_, group)| Arc::strong_count(group) == 1);
+        if !self.level.is_in_file() {
+            return;
         }
+        lock(&self.held).retain(|&number| {
+            let Ok(mut slot) = self.slots[number as usize].try_lock() else { return true };
+            slot.group.take_if(|(_, group)| Arc::strong_count(group) == 1);
+            slot.group.is_some()
+        });
     }
 
     /// Returns a hash of the settings, the origin, and the objects with the given numbers, in their order.
@@ -61,6 +66,9 @@ impl SandwichBaker<'_> {
         scratch.local = None;
         let group = Arc::new(self.new_group(number, stage, &mut slot.record, scratch)?);
         slot.group = Some((for_sweeps, group.clone()));
+        if self.level.is_in_file() {
+            lock(&self.held).insert(number);
+        }
         Ok(group)
     }
 

@@ -25,6 +25,7 @@ use crate::spans;
 use crate::tiled_scene::TiledScene;
 use crate::time_plan::{BOXES, GROUP, LOOK, STAGES, SWEEP, TimePlan};
 use group::Slot;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -84,6 +85,8 @@ pub struct SandwichBaker<'a> {
     groups: CellGroups,
     /// State of each group while some of its viewcells are worked on.
     slots: Vec<Mutex<Slot>>,
+    /// Groups that may have content in their slot.
+    held: Mutex<BTreeSet<u32>>,
     cache: Arc<BakeCache>,
     time: TimePlan,
     /// Results so far of each viewcell of `range`. `None` for a viewcell without a completed stage.
@@ -128,6 +131,7 @@ impl<'a> SandwichBaker<'a> {
             source: BakeSource::new(level.version(), viewcells),
             level,
             slots: groups.cells.iter().map(|_| Mutex::default()).collect(),
+            held: Mutex::default(),
             groups,
             cache: Arc::default(),
             time: TimePlan::new(),
