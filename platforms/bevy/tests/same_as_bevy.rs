@@ -311,7 +311,7 @@ fn run(frames: u32, add_disabling: fn(&mut App)) {
                     has_only_sphere || is_wider(ours, entity) && world_box_is_in_view(ours, at, entity),
                     "{number:?} is no more than bevy's for {camera:?} in frame {frame}"
                 );
-                wider += 1;
+                wider += usize::from(!has_only_sphere);
             }
             seen += own.len();
             hidden += 600 - own.len().min(600);
