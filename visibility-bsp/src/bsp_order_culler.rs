@@ -109,7 +109,8 @@ impl<S: Borrow<SceneTree>> Culler for BspOrderCuller<S> {
             ranks[id.index()] = NOT_MET;
             left += 1;
         }
-        let volume = ViewVolume::new(view, scene);
+        // What is seen of a polygon may be beside all of its fragments, by the rounding of cuts.
+        let volume = ViewVolume::new(view, scene, shared.tree().cut_error());
         let mut frame = Frame { volume, ranks, met: 0, left, most: *most, stats: CullStats::default() };
         shared.tree().walk(view.eye(scene.origin()), stack, &mut frame);
         let mut stats = frame.stats;
@@ -195,5 +196,65 @@ impl TreeVisitor for Frame<'_> {
                 self.meet(owner);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::{DVec3, Vec3};
+    use visibility_core::{Aabb, Pose, view::Window};
+
+    /// A triangle of 1e8 m is cut in two, and the cut point of its long edge is rounded by some 1e-8 m. A
+    /// corner of the image is on the triangle, and beyond both fragments.
+    #[test]
+    fn what_is_seen_beside_the_rounded_end_of_a_cut_is_in_view() {
+        let mut random = visibility_testing::Random(15);
+        let mut found = 0;
+        for _ in 0..400 {
+            let mut scene = Scene::new();
+            let mut insert = |triangle: [Vec3; 3]| {
+                let id = scene.insert(Aabb::from_points(triangle));
+                scene.set_triangles(id, [triangle]).unwrap();
+                id
+            };
+
+            // The long edge passes the origin within some metres.
+            let [x, y] = [(); 2].map(|()| random.range(0.7e8, 1.3e8) as f32);
+            let share = random.range(0.7, 1.3) as f32;
+            let [a, b] = [Vec3::new(-x, y, 0.0), Vec3::new(share * x, -share * y, 0.0)];
+            let low = Vec3::new(-1e8, -1e8, 0.0);
+            let slope = random.range(0.5, 2.0) as f32;
+            let shift = random.range(-1.0, 1.0) as f32;
+            insert([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]].map(|[t, z]| Vec3::new(t + shift, t * slope, z)));
+            let large = insert([a, low, b]);
+            let tree = SceneTree::new(&scene).unwrap();
+            // The end of the cut on the long edge, and how far it is inside the triangle.
+            let mut cut = DVec3::INFINITY;
+            tree.tree().for_each_fragment(large.index() as u32, |fragment| {
+                for &v in fragment.vertices() {
+                    cut = if v.length() < cut.length() { v } else { cut };
+                }
+            });
+            let [a, b] = [a, b].map(|p| p.as_dvec3());
+            // In units of 2^-40 m.
+            let whole = |x: f64| (x * 2f64.powi(40)) as i128;
+            let area = (b.x - a.x) as i128 * (whole(cut.y) - whole(a.y))
+                - (b.y - a.y) as i128 * (whole(cut.x) - whole(a.x));
+            let inside = -(area as f64) * 2f64.powi(-40) / (b - a).length();
+            if !(1e-9..1.0).contains(&inside) {
+                continue;
+            }
+            found += 1;
+            let corner = cut + DVec3::new(0.35, 0.35, 0.0) * inside;
+            let middle = corner + DVec3::new(0.5, 0.5, 0.0);
+            let pose = Pose::look_at(middle + DVec3::Z, middle, DVec3::Y);
+            let view = View::orthographic(pose, Window::centered(0.5, 0.5), 0.1, 9.0).unwrap();
+            let mut visible = VisibleSet::new();
+            visible.fill(&scene, &view);
+            BspOrderCuller::new(tree).cull(&scene, &view, &mut visible);
+            assert!(visible.contains(&scene, large), "{inside} m beyond the cut at {cut}");
+        }
+        assert!(found > 20, "cuts inside their edge: {found}");
     }
 }

@@ -284,7 +284,7 @@ impl Shadows {
             if keeps_a != keeps_b {
                 let (inner, outer, ni, no) = if keeps_a { (a, b, na, nb) } else { (b, a, nb, na) };
                 let p = inner + (outer - inner) * ((ni - limit) / (ni - no));
-                let Direction { v, size, .. } = projection.direction(p, placing_error)?;
+                let Direction { v, size, .. } = projection.direction(p, 0.0)?;
                 // The cut's edge begins where the outline leaves the polygon; it is added once all corners
                 // are known.
                 self.corners.push(ShadowCorner { p, v, size, edge: if keeps_a { u8::MAX } else { number } });
@@ -296,8 +296,8 @@ impl Shadows {
             let corners = &self.corners[first_corner..];
             if let Some(out) = corners.iter().position(|c| c.edge == u8::MAX) {
                 let (a, b) = (corners[out].p, corners[(out + 1) % corners.len()].p);
-                let (da, db) =
-                    (projection.direction(a, placing_error)?, projection.direction(b, placing_error)?);
+                // Any plane that divides the vertices will do, so that it has no placing error.
+                let (da, db) = (projection.direction(a, 0.0)?, projection.direction(b, 0.0)?);
                 let line = Line::through(&da, &db)?;
                 let number = (self.edges.len() - first_edge) as u8;
                 cut = Some(self.edges.len());
@@ -422,5 +422,129 @@ mod tests {
         assert!(plane_of(&[a, b, c], &[], f64::INFINITY).is_none(), "placed anywhere");
         // Products of huge coordinates overflow.
         assert!(plane_of(&[1e200 * a, 1e200 * b, 1e200 * c], &[], 0.0).is_none(), "area beyond all numbers");
+    }
+
+    /// Casts the shadow of a flat polygon to the eye of [`ClipProjection::along_z`], whose near plane is
+    /// z = 0.1. Unevenness is a distance along the normal.
+    fn cast(vertices: &[DVec3], placing_error: f64, unevenness: f64) -> Option<Shadows> {
+        let (normal, [low, high], _) = plane_of(vertices, &[], 0.0)?;
+        let extent_along_normal = [low - unevenness, high];
+        let polygon =
+            OccluderPolygon { vertices, normal, extent_along_normal, placing_error, two_sided: false };
+        let mut shadows = Shadows::default();
+        let projection = ClipProjection::along_z(0.0, 0.0, 0.0, 0.0);
+        shadows.cast(&projection, &polygon).then_some(shadows)
+    }
+
+    #[test]
+    fn edges_have_the_errors_of_their_vertices() {
+        let placing = 5e-9;
+        let triangle = [[-1.0, -1.0], [0.0, 1.0], [1.0, -1.0]].map(|[x, y]| DVec3::new(x, y, 1.0));
+        let shadows = cast(&triangle, placing, 0.0).expect("a shadow");
+        assert_eq!((shadows.edges.len(), shadows.corners.len()), (3, 3), "edges and corners");
+        for edge in &shadows.edges {
+            for direction in edge.directions {
+                assert!((direction.error / placing - 1.0).abs() < 1e-3, "error of {direction:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_polygon_is_whole_only_surely_beyond_the_near_plane_and_cut_well_beyond_it() {
+        // Near ends of a floor, which the eye sees a metre below.
+        let floor = |beyond: f64, far: f64| {
+            [[-1.0, 0.1 + beyond], [-1.0, far], [1.0, far], [1.0, 0.1 + beyond]]
+                .map(|[x, z]| DVec3::new(x, -1.0, z))
+        };
+        let placing = 5e-9;
+        for (share, edges) in [(1.02, 4), (0.98, 4), (0.4, 4)] {
+            let shadows = cast(&floor(share * placing, 2.0), placing, 0.0).expect("a shadow");
+            let cut = shadows.edges.iter().filter(|edge| edge.ends[0].is_nan()).count();
+            assert_eq!(cut, usize::from(share < 1.0), "cuts at {share} of the error");
+            assert_eq!(shadows.edges.len(), edges, "edges at {share} of the error");
+        }
+        // The far end, the error of the near ends, and the unevenness of the floor decide where it is cut.
+        for (far, placing, uneven, limit) in
+            [(2.1, 0.0, 0.0, 2e-4), (0.16, 1e-8, 0.0, 1024e-8), (2.1, 0.0, 0.1, 2.0 * 0.1 * 0.1)]
+        {
+            let triangle = [[-1.0, 0.09], [0.0, far], [1.0, 0.09]].map(|[x, z]| DVec3::new(x, -1.0, z));
+            let shadows = cast(&triangle, placing, uneven).expect("a shadow");
+            assert_eq!(
+                (shadows.edges.len(), shadows.corners.len()),
+                (3, 3),
+                "edges and corners, cut at {limit}"
+            );
+            let nearest =
+                shadows.corners.iter().fold(f64::INFINITY, |least, corner| least.min(corner.p.z - 0.1));
+            assert!((nearest / limit - 1.0).abs() < 1e-3, "cut at {nearest} instead of {limit}");
+        }
+        assert!(cast(&floor(-0.05, 0.09), 0.0, 0.0).is_none(), "all before the near plane");
+    }
+
+    /// A vertex that is cut off is that far before the cut.
+    #[test]
+    fn a_cut_must_surely_divide_the_vertices() {
+        let limit = 2e-4;
+        for (placing, gap, is) in
+            [(1e-9, 3.06e-9, false), (1e-9, 3.19e-9, true), (0.0, 88.0 * U, false), (0.0, 102.0 * U, true)]
+        {
+            let near = 0.1 + limit - gap;
+            let floor =
+                [[-1.0, 0.05], [-1.0, 2.1], [1.0, 2.1], [1.0, near]].map(|[x, z]| DVec3::new(x, -1.0, z));
+            assert_eq!(cast(&floor, placing, 0.0).is_some(), is, "{gap} before the cut, errors of {placing}");
+        }
+    }
+
+    /// Thin triangles, whose middle is within the slack of their edges.
+    #[test]
+    fn a_polygon_has_a_shadow_only_if_its_middle_is_surely_inside_its_edges() {
+        for (placing, height, is) in [
+            (5e-9, 18.4 * 5e-9, false),
+            (5e-9, 19.1 * 5e-9, true),
+            (0.0, 790.0 * U, false),
+            (0.0, 825.0 * U, true),
+        ] {
+            let triangle = [[-1.0, 0.0], [0.0, height], [1.0, 0.0]].map(|[x, y]| DVec3::new(x, y, 1.0));
+            assert_eq!(cast(&triangle, placing, 0.0).is_some(), is, "{height} high, errors of {placing}");
+        }
+    }
+
+    #[test]
+    fn only_an_eye_surely_on_one_side_makes_a_shadow() {
+        let vertices = [[-1.0, -1.0], [0.0, 1.0], [1.0, -1.0]].map(|[x, y]| DVec3::new(x, y, 1.0));
+        let (normal, extent_along_normal, _) = plane_of(&vertices, &[], 0.0).expect("a plane");
+        let mut shadows = Shadows::default();
+        for turn in [1.0, 0.0] {
+            for (two_sided, flipped, eye_error) in [
+                (false, false, 0.0),
+                (false, true, 0.0),
+                (true, true, 0.0),
+                (true, false, 2.0),
+                (true, true, 2.0),
+            ] {
+                let mut projection = ClipProjection::along_z(0.0, 0.0, eye_error, 0.0);
+                projection.turn *= turn;
+                let [low, high] = extent_along_normal;
+                let (mut loop_of, mut front) = (vertices, normal);
+                let mut extent_along_normal = extent_along_normal;
+                if flipped {
+                    loop_of.reverse();
+                    (front, extent_along_normal) = (-normal, [-high, -low]);
+                }
+                let polygon = OccluderPolygon {
+                    vertices: &loop_of,
+                    normal: front,
+                    extent_along_normal,
+                    placing_error: 0.0,
+                    two_sided,
+                };
+                let is = turn != 0.0 && eye_error == 0.0 && (two_sided || !flipped);
+                assert_eq!(
+                    shadows.cast(&projection, &polygon),
+                    is,
+                    "two-sided: {two_sided}, from behind: {flipped}, eye known to {eye_error}, turn {turn}"
+                );
+            }
+        }
     }
 }

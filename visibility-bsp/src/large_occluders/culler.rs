@@ -162,7 +162,7 @@ impl Culler for LargeOccludersCuller {
             self.chosen_at = Some(rounded_eye);
         }
         let map = self.inner.map_mut();
-        let volume = ViewVolume::for_selection(view, scene);
+        let volume = ViewVolume::new(view, scene, 0.0);
         // If neither the scene nor the choice has changed, two conditions remain to be tested: the occluders
         // are still drawn, also in this view's layers, and the eye is outside the boxes of all sections.
         let settled = map.coherent

@@ -89,14 +89,14 @@ impl Face {
             Eye::Point(eye) => {
                 let size = near.normal.abs().dot(eye.abs()) + near.offset.abs() + far.offset.abs();
                 let before = near.normal.dot(*eye) + near.offset.min(-far.offset);
-                let error = 16.0 * U * size + 2.0 * eye_error;
+                let error = 16.0 * U * size + eye_error;
                 before - clear - error
             }
-            Eye::Direction(along) => -near.normal.dot(*along) - 16.0 * U - 2.0 * eye_error,
+            Eye::Direction(along) => -near.normal.dot(*along) - 16.0 * U - eye_error,
         };
         let [front, rear] = &self.front;
         let (before, behind) = (height(front, rear), height(rear, front));
-        if before > 0.0 || !self.two_sided || before >= behind {
+        if before > 0.0 || !self.two_sided {
             (self.back, self.usable, self.from_front) = (*front, before > 0.0, true);
         } else {
             (self.back, self.usable, self.from_front) = (*rear, behind > 0.0, false);
@@ -148,8 +148,7 @@ impl Edge {
                 let size = side.abs().max_element();
                 self.normal = self.turn * along.cross(side);
                 self.slope = 64.0 * ((U + eye_error) * size + self.placing_error);
-                self.least = 64.0 * (U * self.ends[0].abs().max_element() + self.placing_error) * size
-                    + f64::MIN_POSITIVE;
+                self.least = 64.0 * self.placing_error * size + f64::MIN_POSITIVE;
                 size
             }
         };
@@ -359,5 +358,89 @@ mod tests {
             }
         }
         assert!(held > 3_000, "points inside an edge: {held}");
+    }
+
+    /// Eyes are a thousandth, or some units in the last place, beyond or before the height from which the
+    /// eye's error, the near plane and the polygon's unevenness let the polygon be used.
+    #[test]
+    fn a_polygon_is_used_only_from_surely_before_all_of_it() {
+        let face = |two_sided| {
+            let (vertices, extent_along_normal) = (&[][..], [-0.2, 0.3]);
+            Face::new(&OccluderPolygon {
+                vertices,
+                normal: DVec3::Z,
+                extent_along_normal,
+                placing_error: 0.0,
+                two_sided,
+            })
+        };
+        for two_sided in [false, true] {
+            let from = |z: f64, eye_error, clear| {
+                let mut face = face(two_sided);
+                face.update_eye(&Eye::Point(DVec3::Z * z), eye_error, clear);
+                (face.usable, face.from_front)
+            };
+            for (share, is) in [(1.001, true), (0.999, false)] {
+                assert_eq!(
+                    from(0.9 * share, 0.1, 0.5).0,
+                    is,
+                    "{share} of the height, two-sided: {two_sided}"
+                );
+                let behind = from(-0.8 * share, 0.1, 0.5);
+                let expected = (is && two_sided, !two_sided);
+                assert_eq!(behind, expected, "{share} of the depth, two-sided: {two_sided}");
+            }
+            // 16 units of a sum of 0.8.
+            assert!(from(0.3 + 16.0 * U, 0.0, 0.0).0, "beyond rounding");
+            assert!(!from(0.3 + 10.0 * U, 0.0, 0.0).0, "within rounding");
+            let along = |z: f64, eye_error| {
+                let mut face = face(two_sided);
+                face.update_eye(&Eye::Direction(DVec3::new((1.0 - z * z).sqrt(), 0.0, z)), eye_error, 0.0);
+                (face.usable, face.from_front)
+            };
+            for (share, is) in [(1.01, true), (0.99, false)] {
+                assert_eq!(along(-0.1 * share, 0.1).0, is, "{share} of the slope, two-sided: {two_sided}");
+                assert_eq!(
+                    along(-16.0 * share * U, 0.0).0,
+                    is,
+                    "{share} of rounding, two-sided: {two_sided}"
+                );
+                assert_eq!(along(0.1 * share, 0.1), (is && two_sided, !two_sided), "{share} from behind");
+            }
+        }
+    }
+
+    /// Points near and far, which are outside of the edge if the eye or the ends are moved by their error.
+    #[test]
+    fn errors_of_the_eye_and_of_ends_count_near_and_far() {
+        let (eye, parallel) = (Eye::Point(DVec3::ZERO), Eye::Direction(DVec3::X));
+        // As far as a coordinate of the ends may be off, if it is to be used.
+        let placing = 5e-8;
+        for (eye, eye_error, placing, low, high) in [
+            // An eye that is off by 1 cm: points far behind the edge and near the eye.
+            (eye, 0.01, 0.0, [1000.0, 987.0, 0.0], [1000.0, 987.0, 0.0]),
+            (eye, 0.01, 0.0, [0.001, -0.012, 0.0], [0.001, -0.012, 0.0]),
+            // Ends of an edge of 5 m that are off to both sides, as far as a kilometre along the edge.
+            (eye, 0.0, placing, [1.0, 1.0 - 390.0 * placing, 0.0], [1.0, 1.0 - 390.0 * placing, 1000.0]),
+            (
+                parallel,
+                0.0,
+                placing,
+                [1.0, 1.0 - 390.0 * placing, 1000.0],
+                [1.0, 1.0 - 390.0 * placing, 1000.0],
+            ),
+            (parallel, 0.0, placing, [1.0, 1.0 - 0.9 * placing, 1.0], [1.0, 1.0 - 0.9 * placing, 1.0]),
+        ] {
+            let [low, high] = [low, high].map(DVec3::from_array);
+            let mut edge = edge(placing);
+            edge.update_eye(&eye, eye_error, true);
+            assert!(
+                !edge.holds(&eye, low, high),
+                "from {low} to {high}, eye off by {eye_error}, ends by {placing}"
+            );
+            let mut edge = self::edge(0.0);
+            edge.update_eye(&eye, 0.0, true);
+            assert!(edge.holds(&eye, low, high), "from {low} to {high}, without errors");
+        }
     }
 }

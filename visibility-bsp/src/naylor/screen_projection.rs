@@ -76,7 +76,7 @@ impl ScreenProjection {
             clip,
             planes: [SidePlane { plane: Plane::new(DVec3::ZERO, 1.0), margin: 0.0 }; MAX_PLANES],
             count: 0,
-            volume: ViewVolume::new(view, scene),
+            volume: ViewVolume::new(view, scene, 0.0),
             least_w,
             error,
         };
@@ -103,7 +103,8 @@ impl ScreenProjection {
     /// Returns a bound on the absolute NDC error of points in the image widened by [`CLIP_WIDTH`] whose
     /// clip-space w coordinate is at least the argument.
     fn error_at(&self, w: f64) -> f64 {
-        (self.error * (1.0 + CLIP_WIDTH) / w).max(4.0 * f64::EPSILON)
+        // The rounding of the quotient is less, since the error is at least `12 u w`.
+        self.error * (1.0 + CLIP_WIDTH) / w
     }
 
     /// Returns a bound on the absolute error of any projected point, in NDC.
@@ -236,4 +237,140 @@ fn area(polygon: &[ImageCorner]) -> f64 {
         .windows(2)
         .map(|p| (p[0].x - first.x) * (p[1].y - first.y) - (p[0].y - first.y) * (p[1].x - first.x))
         .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::{Pose, view::Window};
+    use visibility_testing::Random;
+
+    /// View along x from `eye`, a quarter of a turn wide, whose near plane is 0.1 m away.
+    fn view(eye: DVec3) -> View {
+        let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+        View::perspective_off_center(pose, Window::centered(1.0, 1.0), 0.1, f64::INFINITY).unwrap()
+    }
+
+    fn cube(size: f32) -> Aabb {
+        Aabb::from_arrays([-size; 3], [size; 3])
+    }
+
+    #[test]
+    fn a_view_is_refused_from_an_error_of_1e_minus_8_in_the_image_on() {
+        let known =
+            |size: f32| ScreenProjection::new(&view(DVec3::ZERO), &Scene::new(), &cube(size)).is_some();
+        // 12 u of the coordinates, divided by the least depth, at places up to four images wide.
+        let limit = 1e-8 * 0.0999 / (12.0 * f64::EPSILON / 2.0 * 5.0);
+        assert!(known(0.99 * limit as f32) && !known(1.01 * limit as f32), "limit of {limit} m");
+        assert!(!known(f32::INFINITY), "infinite bounds");
+        for bounds in
+            [[[-1.0; 3], [2e5, 1.0, 1.0]], [[-1.0, -2e5, -1.0], [1.0; 3]], [[-1.0; 3], [1.0, 1.0, 2e5]]]
+        {
+            let bounds = Aabb::from_arrays(bounds[0], bounds[1]);
+            assert!(
+                ScreenProjection::new(&view(DVec3::ZERO), &Scene::new(), &bounds).is_none(),
+                "{bounds:?}"
+            );
+        }
+    }
+
+    /// Returns the image of a point, whose coordinates are multiples of 2^-8, and its depth. Sums are exact,
+    /// of matrix elements to 2^-60.
+    fn exactly(view: &View, p: DVec3) -> ([f64; 2], f64) {
+        let (matrix, p) = (view.clip_from(view.origin()), p - view.origin());
+        let [x, y, w] = [0, 1, 3].map(|i| {
+            let whole = |x: f64, scale: i32| (x * 2f64.powi(scale)) as i128;
+            let terms = matrix.row(i).to_array().map(|x| whole(x, 60));
+            let point = p.extend(1.0).to_array().map(|x| whole(x, 8));
+            terms.iter().zip(point).map(|(a, b)| a * b).sum::<i128>() as f64 * 2f64.powi(-68)
+        });
+        ([x / w, y / w], w)
+    }
+
+    /// Corners at depths far apart, of triangles and of the boxes around their sides.
+    #[test]
+    fn corners_and_boxes_are_projected_within_their_error() {
+        let mut random = Random(17);
+        let (mut image, mut rounded, mut least) = (ProjectedPolygon::default(), 0, 0);
+        for round in 0..10_000 {
+            let eye = random.vector(2e4).round();
+            let pose = Pose::look_at(eye, eye + random.direction(), random.direction());
+            let view =
+                View::perspective_off_center(pose, Window::centered(1.0, 1.0), 0.1, f64::INFINITY).unwrap();
+            let projection = ScreenProjection::new(&view, &Scene::new(), &cube(2.2e4)).unwrap();
+            let corners = [0, 1, 2].map(|i| {
+                let depth = [0.15, 8.0, 500.0][(i + round) % 3];
+                let [across, up] = [(); 2].map(|()| depth * random.range(-2.0, 2.0));
+                ((eye + pose.forward * depth + pose.right * across + pose.up * up) * 256.0).round() / 256.0
+            });
+            let exact = corners.map(|p| exactly(&view, p));
+            let nearest = exact.iter().fold(f64::INFINITY, |least, (_, w)| least.min(*w));
+            if nearest < 0.11 {
+                continue;
+            }
+            assert!(projection.draw(&corners, &mut image), "round {round}: {corners:?}");
+            assert!(
+                (image.error / projection.error_at(nearest) - 1.0).abs() < 1e-6,
+                "error at the least depth"
+            );
+            for corner in &image.polygon {
+                let off = |(p, _): &([f64; 2], f64)| (corner.x - p[0]).abs().max((corner.y - p[1]).abs());
+                let off = exact.iter().map(off).fold(f64::INFINITY, f64::min);
+                assert!(off <= image.error, "round {round}: {off} of {}", image.error);
+                rounded += usize::from(off > 4.0 * f64::EPSILON);
+                least += usize::from(off > projection.error_at(500.0));
+            }
+            let bounds =
+                Aabb::new(corners[0].min(corners[1]).as_vec3(), corners[0].max(corners[1]).as_vec3());
+            let is_drawn = projection.draw_box(&bounds, &mut image);
+            let image_of = bounds.corners().map(|p| exactly(&view, p.as_dvec3()));
+            if image_of.iter().any(|(_, w)| *w < 0.11) {
+                continue;
+            }
+            let inside = |p: &[f64; 2]| p.iter().all(|x| x.abs() <= 1.0);
+            for (p, _) in image_of.iter().filter(|(p, _)| inside(p)) {
+                let (low, high) = (image.polygon[0], image.polygon[2]);
+                let holds = low.x <= p[0] && p[0] <= high.x && low.y <= p[1] && p[1] <= high.y;
+                assert!(is_drawn && holds, "round {round}: {p:?} in {low:?} to {high:?}");
+            }
+        }
+        assert!(rounded > 5_000 && least > 1_000, "{rounded} corners rounded, {least} more than far ones");
+    }
+
+    #[test]
+    fn boxes_beside_the_image_are_not_drawn() {
+        let projection = ScreenProjection::new(&view(DVec3::ZERO), &Scene::new(), &cube(10.0)).unwrap();
+        let mut image = ProjectedPolygon::default();
+        let square = |y: f32, z: f32| Aabb::from_arrays([1.0, y - 0.1, z - 0.1], [1.0, y + 0.1, z + 0.1]);
+        for (y, z, is) in
+            [(0.0, 0.0, true), (1.2, 0.0, false), (-1.2, 0.0, false), (0.0, 1.2, false), (0.0, -1.2, false)]
+        {
+            assert_eq!(projection.draw_box(&square(y, z), &mut image), is, "{y}, {z}");
+        }
+        // The rectangle is as large as the box.
+        assert!(projection.draw_box(&square(0.2, 0.3), &mut image), "in the image");
+        let (low, high) = (image.polygon[0], image.polygon[2]);
+        for (value, wanted) in [(low.x, -0.3), (high.x, -0.1), (low.y, 0.2), (high.y, 0.4)] {
+            assert!((value - wanted).abs() < 1e-7, "{low:?} to {high:?}");
+        }
+        let narrow = |min: [f32; 3], max| projection.is_narrow(&Aabb::from_arrays(min, max));
+        assert_eq!(narrow([1.0, -0.5, 0.0], [1.0, 0.5, 1e-8]), Some(true), "a level needle");
+        assert_eq!(narrow([1.0, 0.0, -0.5], [1.0, 1e-8, 0.5]), Some(true), "an upright needle");
+        assert_eq!(narrow([1.0, -0.5, 0.0], [1.0, 0.5, 1e-6]), Some(false), "a level strip");
+        assert_eq!(narrow([1.0, 0.0, -0.5], [1.0, 1e-6, 0.5]), Some(false), "an upright strip");
+        assert_eq!(narrow([0.0; 3], [1.0, 1.0, 1.0]), None, "a box around the eye");
+    }
+
+    #[test]
+    fn views_whose_near_plane_is_behind_the_eye_or_at_infinity_have_no_least_depth() {
+        use visibility_core::view::Depth;
+        let view = view(DVec3::ZERO);
+        let least = nearest_w(&view).unwrap();
+        assert!((least / 0.1 - 0.999).abs() < 1e-9, "{least}");
+        // The same matrix under other conventions of depth.
+        for depth in [Depth::ZeroToOne, Depth::NegativeOneToOne] {
+            let view = View::from_clip_from_world(view.clip_from(DVec3::ZERO), depth).unwrap();
+            assert_eq!(nearest_w(&view), None, "{depth:?}");
+        }
+    }
 }

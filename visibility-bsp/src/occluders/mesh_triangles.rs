@@ -116,4 +116,76 @@ mod tests {
         triangles_of(&mesh, &Affine3A::from_scale(Vec3::new(1.0, 1.0, 0.0)), 0, false, &mut placed);
         assert!(placed.is_empty(), "a flattened mesh has no front");
     }
+
+    /// Positions and transforms of whole numbers, whose products and sums exceed the precision of a double.
+    #[test]
+    fn corners_are_placed_within_the_error_that_is_told() {
+        let mut random = visibility_testing::Random(16);
+        let mut rounded = 0;
+        for _ in 0..2_000 {
+            let mut whole = || [(); 3].map(|()| random.between(-(1 << 24), 1 << 24) as f32);
+            let axes = [whole(), whole(), whole()];
+            // The first axis is much longer than the others.
+            let axes = [axes[0].map(|x| x * 1048576.0), axes[1], axes[2]];
+            let shift = whole();
+            let corners = [whole(), whole(), whole()].map(Vec3::from_array);
+            let [x, y, z] = axes.map(Vec3::from_array);
+            let transform = Affine3A::from_mat3_translation(
+                visibility_core::glam::Mat3::from_cols(x, y, z),
+                shift.into(),
+            );
+            let Ok(mesh) = OccluderMesh::from_triangles(&[corners]) else { continue };
+            let mut placed = Vec::new();
+            let error = triangles_of(&mesh, &transform, 0, false, &mut placed);
+            for corner in placed.iter().flat_map(|triangle| triangle.corners) {
+                let exact = |p: Vec3| {
+                    [0, 1, 2].map(|i| {
+                        let terms = (0..3).map(|k| axes[k][i] as i128 * p[k] as i128);
+                        terms.sum::<i128>() + shift[i] as i128
+                    })
+                };
+                // The corners may come in either order.
+                let off = |p: &Vec3| {
+                    let exact = exact(*p);
+                    (0..3).map(|i| (corner[i] as i128 - exact[i]).abs()).max().unwrap_or(0)
+                };
+                let off = corners.iter().map(off).min().unwrap_or(0);
+                assert!(off as f64 <= error, "{corner} is off by {off}, told {error}");
+                rounded += usize::from(off > 0);
+            }
+            assert!(placed.is_empty() || error < 1e7, "{error}");
+        }
+        assert!(rounded > 1_000, "corners that are rounded: {rounded}");
+    }
+
+    #[test]
+    fn closed_meshes_hide_from_outside_alone_and_two_sided_ones_are_turned_outwards() {
+        let cube = OccluderMesh::CUBOID.map(|[a, b, c]| [a, c, b]);
+        let corners = visibility_core::Aabb::from_arrays([0.0; 3], [1.0; 3]).corners();
+        for (two_sided, closed) in [(false, false), (false, true), (true, false), (true, true)] {
+            let triangles: Vec<_> = cube.iter().map(|t| t.map(|i| corners[i as usize])).collect();
+            let mesh = OccluderMesh::from_triangles(&triangles).unwrap();
+            let mesh = mesh.with_two_sided(two_sided);
+            let mut placed = Vec::new();
+            triangles_of(&mesh, &Affine3A::IDENTITY, 0, closed, &mut placed);
+            for triangle in placed {
+                assert_eq!(
+                    triangle.two_sided,
+                    two_sided && !closed,
+                    "two-sided: {two_sided}, closed: {closed}"
+                );
+                let [a, b, c] = triangle.corners;
+                let is_outwards = (b - a).cross(c - a).dot(a - DVec3::splat(0.5)) > 0.0;
+                assert_eq!(is_outwards, two_sided && closed, "two-sided: {two_sided}, closed: {closed}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_mesh_is_closed_if_edges_run_both_ways_alike() {
+        assert!(is_closed(&OccluderMesh::CUBOID), "a box");
+        assert!(!is_closed(&OccluderMesh::CUBOID[1..]), "a box without a triangle");
+        // At each corner, as many edges go up as go down.
+        assert!(!is_closed(&[[0, 1, 2], [1, 0, 3]]), "two triangles");
+    }
 }

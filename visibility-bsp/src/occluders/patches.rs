@@ -197,4 +197,32 @@ mod tests {
         bent[2].corners[2].z += 0.1;
         assert_eq!(join(&bent).len(), 2, "a bent fan is two polygons");
     }
+
+    #[test]
+    fn a_fan_around_a_point_is_one_polygon_with_the_point_inside() {
+        let around = [[2, 0], [1, 2], [-1, 2], [-2, 0], [-1, -2], [1, -2]];
+        let p = |[x, y]: [i32; 2]| DVec3::new(f64::from(x), f64::from(y), f64::from(x + y));
+        for first in 0..6 {
+            let corner = |k: usize| p(around[(first + k) % 6]);
+            let triangle = |k: usize| OccluderTriangle {
+                corners: [p([0, 0]), corner(k), corner(k + 1)],
+                source: k as u32,
+                two_sided: false,
+            };
+            for count in [2, 3, 4, 5, 6] {
+                let triangles: Vec<_> = (0..count).map(triangle).collect();
+                let outlines = join(&triangles);
+                // Of more than a half turn that is not closed, no convex polygon holds all.
+                let whole = count <= 3 || count == 6;
+                assert_eq!(outlines.len() == 1, whole, "{count} triangles from {first}: {outlines:?}");
+                if count == 6 {
+                    assert_eq!(outlines[0].inner, [DVec3::ZERO], "inside the fan from {first}");
+                    let mut vertices: Vec<_> = outlines[0].vertices.clone();
+                    let start = vertices.iter().position(|&v| v == corner(0)).expect("a corner");
+                    vertices.rotate_left(start);
+                    assert!((0..6).all(|k| vertices[k] == corner(k)), "{vertices:?}");
+                }
+            }
+        }
+    }
 }

@@ -413,3 +413,114 @@ impl Occluders {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Object, OccluderMesh};
+
+    /// Adds an occluder with a mesh of boxes far from the mesh's origin, which a transform moves back.
+    /// Returns the error of placing the mesh.
+    fn place(scene: &mut Scene, boxes: &[Aabb], two_sided: bool) -> f64 {
+        let far = Vec3::new(1e6, 0.0, 0.0);
+        let triangles: Vec<_> = boxes
+            .iter()
+            .flat_map(|bounds| {
+                let corners = bounds.corners();
+                OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize] + far))
+            })
+            .collect();
+        let mesh = OccluderMesh::from_triangles(&triangles).unwrap().with_two_sided(two_sided);
+        let transform = visibility_core::glam::Affine3A::from_translation(-far);
+        let id =
+            scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([-9.0; 3], [9.0; 3])) });
+        let added = scene.add_mesh(mesh.clone());
+        scene.set_mesh(id, added, transform).unwrap();
+        triangles_of(&mesh, &transform, 0, true, &mut Vec::new())
+    }
+
+    const BOX: [[f32; 3]; 2] = [[-1.0; 3], [1.0, 2.0, 3.0]];
+
+    #[test]
+    fn polygons_have_the_error_of_placing_their_meshes() {
+        let mut scene = Scene::new();
+        let error = place(&mut scene, &[Aabb::from_arrays(BOX[0], BOX[1])], false);
+        let occluders = Occluders::new(&scene);
+        assert!(!occluders.is_empty() && error > 0.0, "{} polygons, error of {error}", occluders.len());
+        for number in 0..occluders.len() as u32 {
+            let polygon = occluders.occluder_polygon(number);
+            assert_eq!(polygon.placing_error, error, "error of polygon {number}");
+            let along = polygon.vertices.iter().map(|v| polygon.normal.dot(*v));
+            let [low, high] = polygon.extent_along_normal;
+            assert!(
+                along.into_iter().all(|at| low <= at - 1.9 * error && at + 1.9 * error <= high),
+                "{number}"
+            );
+            for ([min, max], v) in occluders.surface_of(number).zip(polygon.vertices) {
+                assert_eq!((min, max), (*v - error, *v + error), "box around a vertex of polygon {number}");
+            }
+        }
+    }
+
+    #[test]
+    fn boxes_of_sections_are_widened_by_the_error_of_placing_them() {
+        // A plane in which the second box begins cuts both.
+        let boxes = [([0.0, 0.0, 0.0], [1.0, 4.0, 3.0]), ([0.5, 4.0, 0.0], [1.5, 8.0, 3.0])];
+        let boxes = boxes.map(|(min, max)| Aabb::from_arrays(min, max));
+        let mut scene = Scene::new();
+        let errors = boxes.map(|bounds| place(&mut scene, &[bounds], false));
+        let occluders = Occluders::new(&scene);
+        let solids: Vec<_> =
+            (0..occluders.len() as u32).flat_map(|number| occluders.solids_of(number)).collect();
+        assert!(!solids.is_empty(), "a section");
+        for [min, max] in solids {
+            let is = |(bounds, error): (&Aabb, f64)| {
+                *min == bounds.min.as_dvec3() - error && *max == bounds.max.as_dvec3() + error
+            };
+            assert!(boxes.iter().zip(errors).any(is), "{min} to {max}, errors {errors:?}");
+        }
+    }
+
+    #[test]
+    fn a_convex_two_sided_solid_hides_from_behind_for_eyes_in_its_box_alone() {
+        let [one, other] = [BOX, [[3.0; 3], [4.0; 3]]].map(|[min, max]| Aabb::from_arrays(min, max));
+        for (boxes, two_sided, is) in [
+            (&[one][..], true, true),
+            (&[one], false, false),
+            (&[one, other], true, false),
+            (&[one, other], false, false),
+        ] {
+            let mut scene = Scene::new();
+            place(&mut scene, boxes, two_sided);
+            let occluders = Occluders::new(&scene);
+            assert!(occluders.len() > 5, "faces: {}", occluders.len());
+            for number in 0..occluders.len() as u32 {
+                assert_eq!(
+                    occluders.occluder_polygon(number).two_sided,
+                    is,
+                    "{} boxes, {two_sided}",
+                    boxes.len()
+                );
+                assert!(!occluders.outside_polygon(number).two_sided, "{} boxes, {two_sided}", boxes.len());
+                let polygon = &occluders.polygons[number as usize];
+                let hides = |eye| occluders.hides_behind(polygon, eye);
+                assert_eq!(hides(Some(DVec3::ZERO)), is, "from within: {} boxes, {two_sided}", boxes.len());
+                for eye in [None, Some(DVec3::new(0.0, 0.0, 3.5)), Some(DVec3::new(0.0, -1.5, 0.0))] {
+                    assert!(!hides(eye), "from {eye:?}: {} boxes, {two_sided}", boxes.len());
+                }
+            }
+        }
+        let mut scene = Scene::new();
+        let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let mesh = OccluderMesh::from_triangles(&[triangle]).unwrap().with_two_sided(true);
+        let id =
+            scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([-9.0; 3], [9.0; 3])) });
+        let mesh = scene.add_mesh(mesh);
+        scene.set_mesh(id, mesh, visibility_core::glam::Affine3A::IDENTITY).unwrap();
+        let occluders = Occluders::new(&scene);
+        assert!(occluders.outside_polygon(0).two_sided, "a two-sided triangle");
+        assert!(occluders.occluder_polygon(0).two_sided, "a two-sided triangle, from within too");
+        assert!(occluders.hides_behind(&occluders.polygons[0], None), "a two-sided triangle from anywhere");
+    }
+}

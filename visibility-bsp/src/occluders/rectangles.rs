@@ -88,10 +88,8 @@ pub(super) fn take_rectangles(triangles: &mut Vec<OccluderTriangle>) -> Levels {
         let flat = triangle.corners.map(|p| [p[(axis + 1) % 3], p[(axis + 2) % 3]]);
         let low = [0, 1].map(|i| flat[0][i].min(flat[1][i]).min(flat[2][i]));
         let high = [0, 1].map(|i| flat[0][i].max(flat[1][i]).max(flat[2][i]));
-        if low[0] >= high[0] || low[1] >= high[1] {
-            continue;
-        }
-        // Each vertex must be at a corner of the rectangle, and all corners but one must be taken.
+        // Each vertex must be at a corner of the rectangle, and all corners but one must be taken. Without an
+        // area, at least two corners are not.
         let mut missing = 0b1111u32;
         for p in flat {
             let at = [0, 1].map(|i| (p[i] == low[i], p[i] == high[i]));
@@ -188,5 +186,28 @@ mod tests {
             assert_eq!(from_ordered(ordered(pair[0])), pair[0], "the number from its bits");
         }
         assert_eq!(ordered(-0.0), ordered(0.0), "both zeros are one number");
+    }
+
+    #[test]
+    fn triangles_with_a_vertex_beside_the_corners_are_no_half_of_a_rectangle() {
+        let p = |[y, z]: [f64; 2]| DVec3::new(1.0, y, z);
+        let [low, right, high, left] = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+        for (half, other, taken) in [
+            ([low, right, high], [low, high, left], 1),
+            ([low, right, high], [low, high, [1.0, 2.0]], 0),
+            ([low, right, high], [low, high, [0.0, 1.0]], 0),
+            ([low, high, left], [low, [2.0, 1.0], high], 0),
+            ([low, high, left], [low, [1.0, 0.0], high], 0),
+            // Triangles without an area.
+            ([low, right, high], [low, left, [0.0, 1.0]], 0),
+            ([low, right, high], [low, right, [1.0, 0.0]], 0),
+            ([low, right, high], [low; 3], 0),
+        ] {
+            let triangle =
+                |flat: [[f64; 2]; 3]| OccluderTriangle { corners: flat.map(p), source: 0, two_sided: false };
+            let mut triangles = alloc::vec![triangle(half), triangle(other)];
+            let found: usize = take_rectangles(&mut triangles).values().map(Vec::len).sum();
+            assert_eq!((found, triangles.len()), (taken, 2 - 2 * taken), "{half:?} and {other:?}");
+        }
     }
 }

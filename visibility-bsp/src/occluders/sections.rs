@@ -295,3 +295,77 @@ pub(super) fn drop_covered(outlines: &mut Vec<Outline>) {
     let mut kept = kept.iter();
     outlines.retain(|_| kept.next().copied().unwrap_or(true));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::outline::OccluderTriangle;
+    use super::super::rectangles::take_rectangles;
+    use super::*;
+    use visibility_core::OccluderMesh;
+    use visibility_testing::Random;
+
+    /// Triangles of a box, two for each of six faces.
+    fn faces([min, max]: [DVec3; 2]) -> Vec<OccluderTriangle> {
+        let corner = |i: u32| {
+            DVec3::from_array([0, 1, 2].map(|axis| if i >> axis & 1 != 0 { max } else { min }[axis]))
+        };
+        let triangle = |t: [u32; 3]| OccluderTriangle { corners: t.map(corner), source: 0, two_sided: false };
+        OccluderMesh::CUBOID.map(triangle).into()
+    }
+
+    #[test]
+    fn boxes_are_solid_if_all_faces_are_there_and_look_outwards() {
+        let count = |mut triangles: Vec<OccluderTriangle>| solids(&take_rectangles(&mut triangles)).len();
+        let unit = [DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0)];
+        assert_eq!(count(faces(unit)), 1, "a box");
+        let mut two_sided = faces(unit);
+        two_sided.iter_mut().for_each(|triangle| triangle.two_sided = true);
+        assert_eq!(count(two_sided), 1, "a two-sided box");
+        let abutting = unit.map(|p| p + DVec3::X);
+        assert_eq!(count([faces(unit), faces(abutting)].concat()), 2, "two boxes, one beside the other");
+        for axis in 0..3 {
+            for end in unit {
+                let is_face = |t: &OccluderTriangle| t.corners.iter().all(|p| p[axis] == end[axis]);
+                let mut open = faces(unit);
+                open.retain(|triangle| !is_face(triangle));
+                assert_eq!(
+                    (open.len(), count(open)),
+                    (10, 0),
+                    "a box without the face at {end} across axis {axis}"
+                );
+                let mut turned = faces(unit);
+                turned.iter_mut().filter(|t| is_face(t)).for_each(|t| t.corners.reverse());
+                assert_eq!(count(turned), 0, "a box whose face at {end} across axis {axis} looks inwards");
+            }
+        }
+    }
+
+    #[test]
+    fn boxes_that_touch_are_found_and_no_others() {
+        let mut random = Random(18);
+        let whole = |random: &mut Random, most| {
+            DVec3::from_array(core::array::from_fn(|_| random.below(most) as f64))
+        };
+        for count in [1, 5, 32, 33, 2000] {
+            let boxes: Vec<(DVec3, DVec3)> = (0..count)
+                .map(|_| {
+                    let min = whole(&mut random, 20);
+                    (min, min + whole(&mut random, 3))
+                })
+                .collect();
+            let near = Near::new(boxes.clone());
+            for _ in 0..200 {
+                let min = whole(&mut random, 20);
+                let max = min + whole(&mut random, 4);
+                let mut found = Vec::new();
+                assert!(near.touching(min, max, count, |number| found.push(number)), "all of {count} boxes");
+                found.sort_unstable();
+                let touches =
+                    |b: &(DVec3, DVec3)| (0..3).all(|axis| b.0[axis] <= max[axis] && b.1[axis] >= min[axis]);
+                let expected: Vec<u32> =
+                    (0..).zip(&boxes).filter(|(_, b)| touches(b)).map(|(i, _)| i).collect();
+                assert_eq!(found, expected, "{count} boxes, from {min} to {max}");
+            }
+        }
+    }
+}

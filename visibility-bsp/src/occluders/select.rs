@@ -196,7 +196,7 @@ impl Selector {
     /// Removes from `chosen` the polygons that must not hide in this frame. All objects of a polygon must be
     /// unchanged since the polygons were made, drawn in this view, and surely on the inner side of the view's
     /// clip planes. For a section (a rectangle inside closed boxes), the eye must also be surely outside all
-    /// these boxes. `volume` is the view's, made [for selection](ViewVolume::for_selection).
+    /// these boxes. `volume` is the view's.
     pub(crate) fn keep_usable(
         &mut self,
         occluders: &Occluders,

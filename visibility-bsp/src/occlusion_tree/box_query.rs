@@ -145,7 +145,7 @@ impl Nodes {
         // Only from there on the box's own outline is cut by the lines of the tree, and its depth is compared
         // in the leaves.
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-        let (heights, margin) = face_heights(projection, min, max);
+        let (heights, margin) = (face_heights(projection, min, max), projection.eye_error);
         let faces = (0..6).filter(|&face| heights[face] > 0.0).fold(0, |mask, face| mask | 1 << face);
         // No face may be turned to the eye: the eye is in the box. The near plane does not tell so, if it is
         // not in front of the eye, as of a matrix that was made for another convention of depth.
@@ -306,13 +306,153 @@ impl Part {
 }
 
 /// Returns the heights in metres of the eye above the six faces of the box from `min` to `max`, in the order
-/// of [`FACES`], and a bound on their absolute error. A face is turned to the eye if its height is positive.
-/// For parallel views, the heights are the cosines between the faces' normals and the direction to the eye.
-fn face_heights(projection: &ClipProjection, min: DVec3, max: DVec3) -> ([f64; 6], f64) {
-    let (below, above, margin) = match projection.eye {
-        // Rounding of the differences is smaller than the eye's error.
-        Eye::Point(eye) => (min - eye, eye - max, 2.0 * projection.eye_error),
-        Eye::Direction(along) => (along, -along, 2.0 * projection.eye_error + 8.0 * U),
+/// of [`FACES`]. A face is turned to the eye if its height is positive. For parallel views, the heights are
+/// the cosines between the faces' normals and the direction to the eye. A height whose magnitude exceeds the
+/// eye's error has the sign of the exact height, since differences are rounded to the nearest number.
+fn face_heights(projection: &ClipProjection, min: DVec3, max: DVec3) -> [f64; 6] {
+    let (below, above) = match projection.eye {
+        Eye::Point(eye) => (min - eye, eye - max),
+        Eye::Direction(along) => (along, -along),
     };
-    ([below.x, above.x, below.y, above.y, below.z, above.z], margin)
+    [below.x, above.x, below.y, above.y, below.z, above.z]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::nodes::{HIDDEN, Hider};
+    use super::*;
+    use crate::clip_projection::Line;
+    use crate::shadow::BackPlane;
+
+    /// Returns a tree of two nodes: a plane with the coefficients `n` and the given slack, and above it the
+    /// plane y = 0, both sides of which lead to the first.
+    fn tree(n: [f64; 3], slack: f64, children: [Child; 2]) -> Nodes {
+        let mut nodes = Nodes::default();
+        nodes.clear();
+        (nodes.nodes[0].line, nodes.nodes[0].children) = (Line { n, slack }, children);
+        (nodes.nodes[1].line, nodes.nodes[1].children) = (Line { n: [0.0, 1.0, 0.0], slack: 0.0 }, [0, 0]);
+        nodes
+    }
+
+    #[test]
+    fn boxes_within_the_slack_of_a_plane_are_on_both_of_its_sides() {
+        for (slack, row_error) in [(0.01, 0.0), (0.0, 5e-8)] {
+            let projection = ClipProjection::along_z(0.0, 0.0, 0.0, row_error);
+            let total = slack + 3.125 * row_error;
+            for (share, expected) in [
+                (0.98, Occlusion::Visible),
+                (0.48, Occlusion::Visible),
+                (-1.0, Occlusion::Visible),
+                (1.02, Occlusion::Hidden),
+            ] {
+                for side in [1.0, -1.0] {
+                    let children = if side > 0.0 { [VISIBLE, OUTSIDE] } else { [OUTSIDE, VISIBLE] };
+                    let mut nodes = tree([1.0, 0.0, 0.0], slack, children);
+                    let ends = [side * share * total, side * 4.0 * total].map(|x| x as f32);
+                    let bounds = Aabb::from_arrays(
+                        [ends[0].min(ends[1]), -0.1, 1.0],
+                        [ends[0].max(ends[1]), 0.1, 1.0],
+                    );
+                    for root in [0, 1] {
+                        nodes.root = root;
+                        assert_eq!(
+                            nodes.test(&projection, &bounds),
+                            expected,
+                            "{share} of the slack {total}, side {side}, root {root}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    /// Returns the tree whose plane x = 0 has a leaf behind the plane z = 2 on its inner side.
+    fn behind_two_metres(projection: &ClipProjection, outside: Option<Child>) -> Nodes {
+        let mut nodes = tree([1.0, 0.0, 0.0], 0.0, [outside.unwrap_or(HIDDEN), HIDDEN]);
+        nodes.planes.push(BackPlane { normal: DVec3::NEG_Z, offset: 2.0 });
+        nodes.approaches.push(projection.approach(DVec3::NEG_Z, 2.0));
+        nodes.hiders.push(Hider { plane: 0, under: VISIBLE });
+        nodes
+    }
+
+    #[test]
+    fn a_box_is_hidden_where_it_is_behind_in_all_leaves_and_visible_where_before() {
+        let box_at = |low: f32, high: f32| Aabb::from_arrays([-0.1, -0.1, low], [0.1, 0.1, high]);
+        // If it is not known which faces are turned to the eye, each is tested.
+        for eye_error in [0.0, 0.2] {
+            let projection = ClipProjection::along_z(0.0, 0.0, eye_error, 0.0);
+            let nodes = behind_two_metres(&projection, None);
+            for (low, high, expected) in [
+                (3.0, 4.0, Occlusion::Hidden),
+                (1.0, 1.5, Occlusion::Visible),
+                (1.9, 2.1, Occlusion::Partial),
+            ] {
+                let answer = nodes.test(&projection, &box_at(low, high));
+                assert_eq!(answer, expected, "from {low} to {high}, eye known to {eye_error}");
+            }
+            let nodes = behind_two_metres(&projection, Some(VISIBLE));
+            let answer = nodes.test(&projection, &box_at(3.0, 4.0));
+            assert_eq!(answer, Occlusion::Partial, "one half hidden, eye known to {eye_error}");
+            let nodes = behind_two_metres(&projection, Some(OUTSIDE));
+            let answer = nodes.test(&projection, &box_at(3.0, 4.0));
+            assert_eq!(answer, Occlusion::Hidden, "one half outside, eye known to {eye_error}");
+        }
+    }
+
+    /// The eye is 0.15 m beside where it is believed to be, so that it sees the right side of a box.
+    #[test]
+    fn faces_that_may_be_turned_to_the_eye_are_tested() {
+        let bounds = Aabb::from_arrays([-0.3, -0.1, 3.0], [0.1, 0.1, 4.0]);
+        for (known_at, eye_error) in [(0.15, 0.01), (0.0, 0.16)] {
+            let projection = ClipProjection::along_z(0.15, known_at, eye_error, 0.0);
+            // Of the box, the right side alone is beyond this plane.
+            let mut nodes = tree([1.0, 0.0, 0.0155], 0.0, [OUTSIDE, VISIBLE]);
+            nodes.root = 0;
+            assert_ne!(nodes.test(&projection, &bounds), Occlusion::Hidden, "eye known to {eye_error}");
+        }
+    }
+
+    /// A leaf's plane is met before the front face along a ray, but not where the ray may be.
+    #[test]
+    fn a_part_is_behind_a_plane_only_wherever_its_rays_are() {
+        let projection = ClipProjection::along_z(0.0, 0.0, 0.0, 0.0);
+        let slack = 0.01;
+        let mut nodes = Nodes::default();
+        for (share, expected) in [(0.98, false), (6.0, true)] {
+            // At x = 0 the plane is this much nearer than the face in z = 3, and each metre in x takes one.
+            let nearer = 3.0 * slack * share;
+            let normal = DVec3::new(-1.0, 0.0, -1.0).normalize();
+            let offset = (3.0 - nearer) * 0.5f64.sqrt();
+            nodes.approaches = [projection.approach(normal, offset)].into();
+            nodes.planes = [BackPlane { normal, offset }].into();
+            nodes.hiders = [Hider { plane: 0, under: VISIBLE }].into();
+            let (min, max) = (DVec3::new(-1.0, -0.1, 3.0), DVec3::new(0.1, 0.1, 4.0));
+            let test = BoxTest {
+                nodes: &nodes,
+                projection: &projection,
+                min,
+                max,
+                faces: 1 << 4,
+                hidden: false,
+                visible: false,
+            };
+            let mut part = Part { count: 1, ..Part::empty(slack) };
+            part.corners[0] = [0.0, 0.0, 1.0];
+            assert_eq!(test.is_behind(0, &part), expected, "{share} of what the ray's error takes");
+            assert_eq!(test.side_of(HIDDEN, &part), if expected { -1 } else { 0 }, "{share}: in the leaf");
+        }
+    }
+
+    #[test]
+    fn both_halves_of_a_box_are_looked_for() {
+        let projection = ClipProjection::along_z(0.0, 0.0, 0.0, 0.0);
+        let bounds = Aabb::from_arrays([-0.1, -0.1, 1.0], [0.1, 0.1, 1.0]);
+        for side in [1.0, -1.0] {
+            // All but the part beyond y = 0.05 on one side is outside.
+            let mut nodes = tree([0.0, side, -0.05], 0.0, [OUTSIDE, VISIBLE]);
+            nodes.nodes[1].children = if side > 0.0 { [OUTSIDE, 0] } else { [0, OUTSIDE] };
+            nodes.root = 1;
+            assert_eq!(nodes.test(&projection, &bounds), Occlusion::Visible, "side {side}");
+        }
+    }
 }

@@ -92,7 +92,7 @@ impl Culler for OcclusionTreeCuller {
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
         let occluders = &self.occluders;
         self.selector.follow(occluders, scene);
-        let volume = ViewVolume::for_selection(view, scene);
+        let volume = ViewVolume::new(view, scene, 0.0);
         let tree = self.inner.map_mut();
         let projection = ClipProjection::new(view, scene.origin());
         let density = tree.density.get_or_insert_default();

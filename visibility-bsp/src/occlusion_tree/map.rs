@@ -288,3 +288,63 @@ fn quad(one: &OccluderTriangle, two: &OccluderTriangle) -> Option<[DVec3; 4]> {
     }
     None
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clip_projection::U;
+    use visibility_core::Pose;
+    use visibility_core::glam::Vec3;
+
+    /// A triangle 10^6 m from the origin of its mesh is moved to before the eye, where its corners are known
+    /// to some 10^-9 m.
+    #[test]
+    fn shadows_have_the_errors_of_placing_their_meshes() {
+        let far = 1e6;
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]].map(|[y, z]| Vec3::new(far, y, z));
+        let mesh = OccluderMesh::from_triangles(&[corners]).unwrap().with_two_sided(true);
+        let transform = Affine3A::from_translation(Vec3::new(3.0 - far, 0.5, 0.25));
+        let error = triangles_of(&mesh, &transform, 0, false, &mut Vec::new());
+        let mut tree = OcclusionTree::new();
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        tree.begin(&View::perspective(pose, 1.5, 1.5, 0.1, 100.0).unwrap(), DVec3::ZERO);
+        tree.add(&mesh, &transform);
+        for queued in &tree.queue {
+            let [low, high] = queued.extent_along_normal;
+            let ends = tree.vertices[queued.vertices.clone()].iter().map(|v| queued.normal.dot(*v));
+            assert!(
+                ends.into_iter().all(|at| low < at - 1.9 * error && at + 1.9 * error < high),
+                "{queued:?}"
+            );
+        }
+        tree.flush();
+        assert_eq!(tree.shadows.list.len(), 1, "a shadow");
+        for edge in &tree.shadows.edges {
+            for (end, direction) in edge.ends.iter().zip(edge.directions) {
+                let expected = tree.projection.direction(*end, error).unwrap().error;
+                assert_eq!(direction.error, expected, "error of the direction of {end}");
+                assert!(expected > 1e5 * U, "{expected} is more than rounding in the projection");
+            }
+        }
+    }
+
+    #[test]
+    fn two_triangles_are_one_face_if_they_share_an_edge_in_one_plane() {
+        let triangle = |corners: [[f64; 3]; 3]| OccluderTriangle {
+            corners: corners.map(DVec3::from_array),
+            source: 0,
+            two_sided: false,
+        };
+        let [a, b, c, d] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let first = triangle([a, b, c]);
+        assert!(quad(&first, &triangle([a, c, d])).is_some(), "a square");
+        for (other, name) in [
+            ([a, d, [-1.0, 0.0, 0.0]], "one corner in common"),
+            ([c, [2.0, 2.0, 0.0], d], "another corner in common"),
+            ([a, c, [0.0, 1.0, 1e-3]], "a bent edge"),
+            ([a, c, [1.5, 5.0, 0.0]], "a dent"),
+        ] {
+            assert!(quad(&first, &triangle(other)).is_none(), "{name}");
+        }
+    }
+}

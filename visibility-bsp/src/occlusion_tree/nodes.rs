@@ -157,10 +157,10 @@ impl Nodes {
         self.arrival_ranges.clear();
         self.root = VISIBLE;
         // -w <= x <= w and -w <= y <= w: a direction that violates one of them is outside the image. The
-        // coefficients are exact.
+        // coefficients are exact, and the errors of directions have the one rounding of the value to spare.
         let mut parent = NO_PARENT;
         for n in [[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]] {
-            let line = Line { n, slack: 16.0 * U };
+            let line = Line { n, slack: 0.0 };
             parent = self.add_node(parent, line, OUTSIDE, [DVec3::NAN; 2]) << 1 | 1;
         }
     }
@@ -449,7 +449,7 @@ impl Nodes {
                     continue;
                 }
                 let [a, b] = &edge.directions;
-                let slack = node.line.slack + slack_of(a.error.max(b.error)) + 8.0 * U;
+                let slack = node.line.slack + slack_of(a.error.max(b.error));
                 let (sa, sb) = (node.line.at(a.v) * sign + slack, node.line.at(b.v) * sign + slack);
                 let span = &mut spans[i];
                 // Directions between the ends are a.v + t (b.v - a.v), up to a factor. Where the plane's
@@ -495,4 +495,119 @@ fn between(a: &ShadowCorner, b: &ShadowCorner, t: f64) -> Option<ShadowCorner> {
     let size = v[0].abs().max(v[1].abs()).max(v[2].abs());
     let found = (0.0..=1.0).contains(&t) && size > 0.0 && size.is_finite();
     found.then(|| ShadowCorner { p: a.p + (b.p - a.p) * t, v: v.map(|x| x / size), size, edge: u8::MAX })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clip_projection::Direction;
+    use crate::shadow::ShadowEdge;
+
+    /// Edge between two directions, off by the given errors, on the plane with coefficients `n` and a slack.
+    fn edge(ends: [[f64; 3]; 2], errors: [f64; 2], n: [f64; 3], slack: f64) -> ShadowEdge {
+        let directions = [0, 1].map(|i| Direction { v: ends[i], error: errors[i], size: 1.0 });
+        let line = Line { n, slack };
+        ShadowEdge { line, ends: ends.map(DVec3::from_array), directions }
+    }
+
+    /// Tree of two planes of the given coefficients and slacks, the second on the inner side of the first,
+    /// and the slot of the leaf on the inner side of both.
+    fn leaf(planes: [([f64; 3], f64); 2]) -> (Nodes, u32) {
+        let mut nodes = Nodes::default();
+        let mut parent = NO_PARENT;
+        for (n, slack) in planes {
+            parent = nodes.add_node(parent, Line { n, slack }, VISIBLE, [DVec3::NAN; 2]) << 1 | 1;
+        }
+        (nodes, parent)
+    }
+
+    /// Plane x = 0, whose slack is given, and above it one that leaves all out.
+    fn right_half(slack: f64) -> (Nodes, u32) {
+        leaf([([0.0, 0.0, 1.0], 0.0), ([1.0, 0.0, 0.0], slack)])
+    }
+
+    #[test]
+    fn an_edge_is_needless_only_if_all_of_it_is_surely_outside_the_leaf() {
+        let middle = [0.5, 0.0, 1.0];
+        for (slack, errors) in [(0.01, [0.0f64; 2]), (0.0, [0.003, 0.0]), (0.0, [0.0, 0.003])] {
+            let total = slack + 3.125 * errors[0].max(errors[1]);
+            let (nodes, parent) = right_half(slack);
+            for (share, needless) in [(1.02, 1), (0.98, 0), (0.4, 0)] {
+                let x = -share * total;
+                // Both ends that far beside the leaf, or one of them in it.
+                for (ends, needless) in [
+                    ([[x, -1.0, 1.0], [x, 1.0, 1.0]], needless),
+                    ([[x, -1.0, 1.0], [0.3, 1.0, 1.0]], 0),
+                    ([[0.3, -1.0, 1.0], [x, 1.0, 1.0]], 0),
+                    // One end is far from the leaf.
+                    ([[x, -1.0, 1.0], [-1.0, 1.0, 1.0]], needless),
+                    ([[-1.0, -1.0, 1.0], [x, 1.0, 1.0]], needless),
+                ] {
+                    let edge = edge(ends, errors, [1.0, 0.0, 2.0], 0.0);
+                    assert_eq!(
+                        nodes.needless(&[edge], middle, 0, parent),
+                        needless,
+                        "{share} of {total}, {ends:?}, slack of the plane {slack}"
+                    );
+                    assert_eq!(nodes.needless(&[edge], middle, 1, parent), 0, "an edge of the fragment");
+                }
+            }
+        }
+    }
+
+    /// Two planes leave apart ranges of an edge, which are widened at both ends.
+    #[test]
+    fn an_edge_is_needless_if_planes_leave_ranges_apart_by_more_than_rounding() {
+        let middle = [0.5, -0.5, 1.0];
+        for (share, needless) in [(1.02, 1), (0.98, 0)] {
+            // The first plane leaves the upper half of the edge, the second the lower but for this gap.
+            let gap = share * 2.0 * SHARE_ROUNDING;
+            for turn in [1.0, -1.0] {
+                let (nodes, parent) = leaf([([1.0, 0.0, 0.0], 0.0), ([0.0, -1.0, -2.0 * gap], 0.0)]);
+                let ends = [[-turn, -turn, 1.0], [turn, turn, 1.0]];
+                let edge = edge(ends, [0.0; 2], [1.0, -1.0, 0.0], 0.0);
+                let found = nodes.needless(&[edge], middle, 0, parent);
+                assert_eq!(found, needless, "{share} of the margin, turned: {turn}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_edge_is_needless_unless_the_middle_is_surely_inside_all_planes() {
+        // The middle is known to 200 units of round-off.
+        let sure = 200.0 * U;
+        let ends = [[-0.5, -1.0, 1.0], [-0.5, 1.0, 1.0]];
+        for slack in [0.0, 0.01] {
+            for (share, needless) in [(1.02, 1), (0.98, 0), (0.4, 0)] {
+                let x = share * (slack + sure);
+                let (nodes, parent) = right_half(slack);
+                let far = edge(ends, [0.0; 2], [1.0, 0.0, 0.5], 0.0);
+                let found = nodes.needless(&[far], [x, 0.0, 1.0], 0, parent);
+                assert_eq!(found, needless, "{share} of {slack} from a plane of the tree");
+                let (nodes, parent) = right_half(0.0);
+                let edges = [far, edge(ends, [0.0; 2], [0.0, 1.0, 0.0], slack)];
+                let found = nodes.needless(&edges, [0.5, x, 1.0], 2, parent);
+                assert_eq!(found, needless, "{share} of {slack} from another edge");
+            }
+        }
+    }
+
+    #[test]
+    fn the_edge_of_a_plane_above_is_needless_whichever_way_it_runs() {
+        let ends = [[0.5, -1.0, 1.0], [0.5, 1.0, 1.0]];
+        let other = [0.2, 0.3, 1.0];
+        let (mut nodes, parent) = right_half(0.0);
+        nodes.nodes[1].ends = ends.map(DVec3::from_array);
+        for (ends, needless) in [
+            (ends, 1),
+            ([ends[1], ends[0]], 1),
+            ([ends[0], other], 0),
+            ([other, ends[1]], 0),
+            ([ends[1], other], 0),
+            ([other, ends[0]], 0),
+        ] {
+            let edge = edge(ends, [0.0; 2], [1.0, 0.0, 0.0], 0.0);
+            assert_eq!(nodes.needless(&[edge], [0.7, 0.0, 1.0], 0, parent), needless, "{ends:?}");
+        }
+    }
 }

@@ -95,7 +95,7 @@ impl Culler for ShadowFrustaCuller {
                 self.selector.choose(occluders, &projection.eye, false, None, self.frusta.most)
             }
         }
-        let volume = ViewVolume::for_selection(view, scene);
+        let volume = ViewVolume::new(view, scene, 0.0);
         self.selector.keep_usable(occluders, scene, view, &projection, visible, &volume);
         let map = self.inner.map_mut();
         map.shadows.clear();
@@ -166,5 +166,43 @@ impl OcclusionMap for Frusta {
             }
         }
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clip_projection::{Direction, Line};
+    use crate::shadow::{BackPlane, Shadow, ShadowEdge};
+
+    /// A shadow behind z = 2 and on the side x > 0 of one edge. Either the plane of the edge is off, or the
+    /// directions of boxes are.
+    #[test]
+    fn boxes_are_in_a_shadow_or_beside_it_only_beyond_the_slack_of_its_edges() {
+        for (slack, row_error) in [(0.01, 0.0), (0.0, 5e-8)] {
+            let projection = ClipProjection::along_z(0.0, 0.0, 0.0, row_error);
+            let direction = Direction { v: [0.0, 0.0, 1.0], error: 0.0, size: 1.0 };
+            let line = Line { n: [1.0, 0.0, 0.0], slack };
+            let mut shadows = Shadows::default();
+            shadows.edges.push(ShadowEdge { line, ends: [DVec3::ZERO; 2], directions: [direction; 2] });
+            let back = BackPlane { normal: DVec3::NEG_Z, offset: 2.0 };
+            shadows.list.push(Shadow { edges: 0..1, corners: 0..0, back });
+            let frusta = Frusta { projection, shadows };
+            // Both errors for a box in z = 3, where the directions are divided by 3.
+            let total = 3.0 * slack + 3.125 * row_error;
+            for (share, decided) in [(1.02, true), (0.98, false), (0.45, false)] {
+                for (side, answer) in [(1.0, Occlusion::Hidden), (-1.0, Occlusion::Visible)] {
+                    let ends = [side * share * total, side * 4.0 * total].map(|x| x as f32);
+                    let at = |low: f32, high: f32| {
+                        let (left, right) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+                        frusta.test(&Aabb::from_arrays([left, -0.1, low], [right, 0.1, high]))
+                    };
+                    let expected = if decided { answer } else { Occlusion::Partial };
+                    assert_eq!(at(3.0, 3.0), expected, "{share} of {total}, side {side}");
+                    assert_eq!(at(1.0, 1.5), Occlusion::Visible, "{share} of {total}, before the plane");
+                    assert_eq!(at(1.9, 2.1), Occlusion::Partial, "{share} of {total}, across the plane");
+                }
+            }
+        }
     }
 }

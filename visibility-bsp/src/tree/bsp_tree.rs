@@ -147,6 +147,13 @@ impl BspTree {
         self.magnitude
     }
 
+    /// Returns a bound on the distance from any point of a polygon to the nearest fragment of the polygon, in
+    /// the tree's coordinates. A cut rounds each coordinate of a point by up to `6 u` of the greatest
+    /// coordinate, beside what the ends of the cut edge are off by, and each level cuts once.
+    pub(crate) fn cut_error(&self) -> f64 {
+        3.0 * f64::EPSILON * f64::from(self.most_levels) * self.magnitude.element_sum()
+    }
+
     /// Returns a box around all fragments in the tree's coordinates, rounded outwards to `f32`;
     /// [`Aabb::EMPTY`] for a tree without polygons. O(1).
     pub fn bounds(&self) -> Aabb {

@@ -195,8 +195,8 @@ struct Task {
     /// Child that the part enters: 0 behind the line, 1 in front.
     side: u8,
     /// Whether the part lay within the margin of a line of the tree, so that rounding may have put it on the
-    /// wrong side of the line. If true, the part covers nothing and does not count as seen. If false, it can
-    /// cover its area of an open leaf.
+    /// wrong side of the line. If true, the part covers nothing. If false, it can cover its area of an open
+    /// leaf.
     thin: bool,
     /// Index of the part's first corner in `Beams::corners`; the part extends to the end of that stack.
     begin: usize,
@@ -396,9 +396,10 @@ impl Beams {
                     if narrow {
                         self.glimpse.add_part(part, area);
                     }
-                    if !task.thin && witness.width > MIN_VISIBLE_WIDTH {
+                    // A part within the margin of a line is narrower.
+                    if witness.width > MIN_VISIBLE_WIDTH {
                         visibility = Visibility::Seen;
-                    } else if narrow && visibility == Visibility::Hidden {
+                    } else if narrow {
                         visibility = Visibility::Glimpsed;
                     }
                     if witness.width > self.witness.width {
@@ -470,7 +471,7 @@ impl Beams {
                 let (p, q) = (self.part[i], self.part[j]);
                 let [dp, dq] = [self.sides[i], self.sides[j]].map(|distance| sign * distance);
                 if generous {
-                    let [dp, dq] = [dp + line.margin, dq + line.margin];
+                    let [dp, dq] = [dp, dq].map(|distance| distance + line.margin);
                     if dp >= 0.0 {
                         self.corners.push(p);
                     }
@@ -479,22 +480,22 @@ impl Beams {
                     }
                     continue;
                 }
-                match (Side::of(dp, line.margin), Side::of(dq, line.margin)) {
-                    (Side::Front, Side::Front | Side::On) | (Side::On, Side::Front) => self.corners.push(p),
-                    (Side::On, Side::On) => {
+                match [dp, dq].map(|distance| Side::of(distance, line.margin)) {
+                    [Side::Front, Side::Front | Side::On] | [Side::On, Side::Front] => self.corners.push(p),
+                    [Side::On, Side::On] => {
                         let on_line = p.on_line || line.is_along(p, q);
                         self.corners.push(ImageCorner { on_line, ..p });
                     }
-                    (Side::On, Side::Back) => self.corners.push(ImageCorner { on_line: true, ..p }),
-                    (Side::Front, Side::Back) => {
+                    [Side::On, Side::Back] => self.corners.push(ImageCorner { on_line: true, ..p }),
+                    [Side::Front, Side::Back] => {
                         self.corners.push(p);
                         self.corners.push(ImageCorner { on_line: true, ..crossing(p, q, dp, dq) });
                     }
-                    (Side::Back, Side::Front) => {
+                    [Side::Back, Side::Front] => {
                         let ImageCorner { on_line, edge, .. } = p;
                         self.corners.push(ImageCorner { on_line, edge, ..crossing(p, q, dp, dq) });
                     }
-                    (Side::Back, Side::On | Side::Back) => {}
+                    [Side::Back, Side::On | Side::Back] => {}
                 }
             }
             if self.corners.len() > begin {

@@ -236,6 +236,15 @@ fn what_is_narrow_itself_is_glimpsed_unless_it_is_covered_for_sure() {
         Visibility::Glimpsed,
         "a needle within the margin of the edge"
     );
+    // Within the margin, some 3.7e-12, on the covered side.
+    for inside in [2e-12, 3.2e-12] {
+        assert_eq!(
+            beams.test(&needle(0.4 - inside, -0.5, 0.0)),
+            Visibility::Glimpsed,
+            "a needle {inside} beyond the edge"
+        );
+    }
+    assert_eq!(beams.test(&needle(0.4 - 6e-12, -0.5, 0.0)), Visibility::Hidden, "a needle beyond the margin");
     // A needle covers its own area, but not a needle beside it.
     assert_eq!(
         beams.test_and_cover(&needle(-0.3, -0.5, 0.5), 1e-16),
@@ -275,4 +284,140 @@ fn strips_end_where_their_edge_is_too_short_for_a_line() {
             );
         }
     }
+}
+
+/// Ends of an edge that are off by their error to both sides move the line by so much at the far end of the
+/// image, 2.9 from the edge.
+#[test]
+fn the_margin_of_a_line_is_four_times_what_the_errors_of_its_ends_are_far_away() {
+    for (length, error) in
+        [(0.5, 1e-12), (0.01, 1e-13), (2.0, 1e-9), (0.001, 1e-11), (0.001, 1.5e-12), (0.3, 1e-9)]
+    {
+        let [p, q] = [(0.0, error), (length, -error)].map(|(x, y)| ImageCorner::new(x, y));
+        let (line, sure) = Line::through(p, q, error).unwrap();
+        let moved = line.distance(ImageCorner::new(length + 2.9, 0.0)).abs();
+        let wanted = 4.0 * moved;
+        assert!(
+            (line.margin / wanted.min(2.5e-8) - 1.0).abs() < 0.01,
+            "{} for {wanted}: {length}",
+            line.margin
+        );
+        assert_eq!(sure, wanted <= 2.5e-8, "{length} long, off by {error}: the margin holds everywhere");
+        // Edges along the line are eight margins long, in either direction.
+        for (share, is) in [(1.02, true), (0.98, false)] {
+            let reach = share * 8.0 * line.margin;
+            for (x, y) in [(reach, 0.0), (0.0, -reach)] {
+                let [p, q] = [(0.0, 0.0), (x, y)].map(|(x, y)| ImageCorner::new(x, y));
+                assert_eq!(line.is_along(p, q), is, "{share} of eight margins");
+            }
+            let q = ImageCorner::new(share * 64.0 * error, 0.0);
+            assert_eq!(
+                Line::through(ImageCorner::new(0.0, 0.0), q, error).is_some(),
+                is,
+                "{share} of 64 errors"
+            );
+        }
+    }
+    let [origin, bad] = [0.0, f64::NAN].map(|x| ImageCorner::new(x, 0.0));
+    assert!(Line::through(origin, bad, 1e-12).is_none(), "a corner that is not a number");
+}
+
+#[test]
+fn lines_of_the_grid_have_the_error_of_four_corners() {
+    let mut beams = Beams::default();
+    beams.begin(1e-10);
+    assert_eq!(beams.nodes.len(), 4 + 63, "sides of the image and lines of the grid");
+    assert!(beams.nodes.iter().all(|node| node.line.margin == 4e-10), "margins: {:?}", beams.nodes);
+}
+
+/// The substitute of an edge that is too short for a line is perpendicular to the edge before, and passes
+/// through the end that comes first along it.
+#[test]
+fn a_short_edge_is_bounded_where_it_begins_along_the_edge_before() {
+    let (mut beams, error) = (Beams::default(), 1e-10);
+    beams.begin(error);
+    for shift in [3e-9, -3e-9] {
+        let shape = polygon(&[(0.1, 0.1), (0.4, 0.1), (0.4 + shift, 0.1 + 4e-9), (0.1, 0.3)]);
+        beams.test_and_cover(&shape, error);
+        let (line, sure) = beams.lines[1].expect("a substitute");
+        let first = shift.min(0.0) + 0.4;
+        assert!(!sure && line.distance(ImageCorner::new(first, 0.2)).abs() < 1e-15, "{line:?}");
+        assert!(
+            (line.distance(ImageCorner::new(0.1, 0.2)) - 0.3).abs() < 1e-8,
+            "{line:?} has the shape inside"
+        );
+        assert!((line.margin / (4.0 * error * (1.0 + 5.8 / 0.3)) - 1.0).abs() < 1e-9, "margin of {line:?}");
+    }
+}
+
+#[test]
+fn what_narrow_parts_show_together_is_wide_by_their_area_and_extent() {
+    for axis in 0..2 {
+        let at = |along: f64, across: f64| if axis == 0 { (along, across) } else { (across, along) };
+        // Two parts, each a half long, side by side or one after the other.
+        let part = |along: f64, width: f64| {
+            polygon(&[at(along, 0.0), at(along + 0.5, 0.0), at(along + 0.5, width), at(along, width)])
+        };
+        for (second, width, wide) in [(0.0, 0.6e-7, true), (0.5, 0.6e-7, false), (0.5, 1.1e-7, true)] {
+            for apart in [false, true] {
+                let (mut one, mut two) = (Glimpse::default(), Glimpse::default());
+                one.add_part(&part(0.0, width), 0.5 * width);
+                let last = if apart { &mut two } else { &mut one };
+                last.add_part(&part(second, width), 0.5 * width);
+                one.add(&two);
+                assert_eq!(one.is_wide(), wide, "{width} at {second}, axis {axis}, of two polygons: {apart}");
+                let mut other = Glimpse::default();
+                other.add(&one);
+                assert_eq!(other.is_wide(), wide, "the same, added to none");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_needle_on_a_line_of_the_tree_closes_nothing() {
+    for x in [0.0, 1e-13, -2e-13] {
+        let mut beams = Beams::default();
+        beams.begin(ERROR);
+        let needle = polygon(&[(x, -0.2), (x + 1e-13, -0.2), (x + 1e-13, -0.05), (x, -0.05)]);
+        assert_eq!(beams.test_and_cover(&needle, ERROR * 1e-3), Visibility::Glimpsed, "the needle at {x}");
+        for beside in [-0.1, 0.05] {
+            assert_eq!(
+                beams.test(&square_of([beside, -0.15], 0.05)),
+                Visibility::Seen,
+                "{beside} beside {x}"
+            );
+        }
+    }
+}
+
+/// The base of a flat triangle is within the margin of a line of the tree, and its apex hardly beyond on the
+/// other side. Closed on the wrong side, it would cover the wedge between its other edges.
+#[test]
+fn a_flat_triangle_across_a_line_covers_on_the_side_of_its_apex_alone() {
+    let error = 1e-10;
+    for side in [1.0, -1.0] {
+        let mut beams = Beams::default();
+        beams.begin(error);
+        let [base, apex] = [0.9, -1.1].map(|share| side * share * 4.0 * error);
+        let mut shape = polygon(&[(base, -0.2), (base, -0.1), (apex, -0.15)]);
+        if side < 0.0 {
+            shape.reverse();
+        }
+        beams.test_and_cover(&shape, error);
+        for beside in [-0.1, 0.05] {
+            let square = square_of([beside, -0.16], 0.02);
+            assert_eq!(beams.test(&square), Visibility::Seen, "{beside} beside it, base at {base}");
+        }
+    }
+}
+
+#[test]
+fn a_tip_in_another_leaf_does_not_end_the_search_for_what_is_seen() {
+    let mut beams = Beams::default();
+    beams.begin(ERROR);
+    let tip = polygon(&[(-0.2, -0.2), (5e-8, -0.1), (-0.2, -0.05)]);
+    assert_eq!(beams.test(&tip), Visibility::Seen, "the part before the line");
+    let point = ImageCorner::new(0.3, 0.2);
+    assert_eq!(witness(&[point; 3]).0.width, 0.0, "width of a point");
 }

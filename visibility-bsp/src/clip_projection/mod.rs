@@ -69,14 +69,12 @@ impl Line {
         let (p, q) = (a.v, b.v);
         let n = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
         // Each component of the cross product: two products of factors up to 1, off by the errors of both
-        // directions, and three roundings of numbers up to 2.
-        let error = 2.0 * (a.error + b.error) + 8.0 * U;
+        // directions, and roundings of `4 U`. The quotients and `n . v` are rounded by `11 U` in sum, which
+        // is up to `22 U / size`. Of the `37 U / size` of the slack, these take `34 U / size`.
         let size = n[0].abs().max(n[1].abs()).max(n[2].abs());
-        let error = error / size + 2.0 * U;
-        // The comparison also refuses NaN. `n . v` itself is rounded in three products and two sums of
-        // numbers up to 3.
-        (error < MAX_RELATIVE_ERROR)
-            .then(|| Self { n: n.map(|x| x / size), slack: slack_of(error) + 16.0 * U })
+        let error = (2.0 * (a.error + b.error) + 12.0 * U) / size;
+        // The comparison also refuses NaN.
+        (error < MAX_RELATIVE_ERROR).then(|| Self { n: n.map(|x| x / size), slack: slack_of(error) })
     }
 
     /// Returns this line's plane, the plane through the eye that projects to the line, with its inner and
@@ -201,7 +199,8 @@ impl ClipProjection {
         let q = p - self.anchor;
         let [(x, ex), (y, ey), (w, ew)] = self.rows.map(|row| placed_at(&row, q, placing_error));
         let size = x.abs().max(y.abs()).max(w.abs());
-        let error = ex.max(ey).max(ew) / size + 2.0 * U;
+        // The quotients are rounded once more. The rows' bounds of `8 U` have two roundings to spare.
+        let error = ex.max(ey).max(ew) / size;
         (error < MAX_RELATIVE_ERROR).then(|| Direction { v: [x / size, y / size, w / size], error, size })
     }
 
@@ -263,8 +262,8 @@ impl ClipProjection {
     pub(crate) fn cone(&self, bounds: &Aabb) -> Option<BoxProjection> {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let (q, size) = (min - self.anchor, max - min);
-        // Each corner is the value at the minimum corner plus up to three products. Any term passes through
-        // at most eight roundings.
+        // Each corner is the value at the minimum corner plus up to three products. Any term of `n . v`
+        // passes through at most twelve roundings: of the 50 `U` of the slack, these take 36.
         let magnitude = q.abs() + size;
         let (mut base, mut sides, mut error) = ([0.0; 3], [[0.0; 3]; 3], 0.0f64);
         let mut largest = 0.0f64;
@@ -283,15 +282,13 @@ impl ClipProjection {
             // At least as large as the components of any corner.
             largest = largest.max(sum);
         }
-        let error = error / largest + 2.0 * U;
+        let error = error / largest;
         let scale = 1.0 / largest;
         let scaled = |v: [f64; 3]| [v[0] * scale, v[1] * scale, v[2] * scale];
-        // A span adds four numbers instead of one, which takes a few more roundings.
-        let slack = slack_of(error) + 32.0 * U;
         (error < MAX_RELATIVE_ERROR).then(|| BoxProjection {
             base: scaled(base),
             sides: sides.map(scaled),
-            slack,
+            slack: slack_of(error),
         })
     }
 
@@ -299,15 +296,17 @@ impl ClipProjection {
     /// plane. Infinite for parallel views, and if the near plane is not surely in front of the eye.
     pub(crate) fn clearance(&self) -> f64 {
         let Eye::Point(eye) = self.eye else { return f64::INFINITY };
-        // The distance is greatest at a corner of the image. The added tenth far exceeds the rounding errors.
-        let (at_eye, _) = self.near.at(eye - self.anchor);
+        // The distance is greatest at a corner of the image. The near-plane function is least for an eye that
+        // is off by its error, and rises least for a ray that is. The added tenth far exceeds rounding.
+        let (at_eye, error) = self.beyond_near(eye, self.eye_error);
+        let slack = self.near.linear.abs().element_sum() * self.back_error;
         let mut farthest = 0.0f64;
         for corner in [[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]] {
             let along = self.in_space([corner[0], corner[1], 1.0]);
-            let reached = -at_eye / self.near.linear.dot(along) * along.length();
+            let rise = self.near.linear.dot(along) - slack;
+            let reached = (error - at_eye) / rise * (along.length() + 2.0 * self.back_error);
             // If the near plane is not in front of the eye along a corner's ray, no bound is known.
-            farthest =
-                if reached >= 0.0 && farthest.is_finite() { farthest.max(reached) } else { f64::INFINITY };
+            farthest = if rise > 0.0 && reached >= 0.0 { farthest.max(reached) } else { f64::INFINITY };
         }
         1.1 * farthest
     }
@@ -319,9 +318,9 @@ impl ClipProjection {
         match self.eye {
             Eye::Point(eye) => {
                 let away = (min - eye).max(eye - max).max(DVec3::ZERO);
-                // Rounding costs four units of the distance, which the clearance has to spare. A NaN eye or
-                // box is not outside.
-                away.length() > clear.max(f64::MIN_POSITIVE) + 4.0 * self.eye_error
+                // Rounding costs four units of the distance, which the clearance and the added tenth have to
+                // spare. A NaN eye or box is not outside.
+                away.length() > clear.max(f64::MIN_POSITIVE) + 1.1 * self.eye_error
             }
             Eye::Direction(_) => corners_of([min, max]).all(|p| self.is_point_beyond_near(p)),
         }
@@ -341,14 +340,15 @@ impl ClipProjection {
         let [x, y, z] = [self.back.x_axis, self.back.y_axis, self.back.z_axis];
         let height = normal.dot(eye) + offset;
         let size = normal.abs().dot(eye.abs()) + offset.abs();
-        let height_error = 8.0 * U * size + 2.0 * self.eye_error;
+        let height_error = 8.0 * U * size + self.eye_error;
         Some(Approach { height, height_error, speed: [-normal.dot(x), -normal.dot(y), -normal.dot(z)] })
     }
 
     /// Tests whether, along every view ray of a convex cone, the plane `first` is surely met before the plane
     /// `second`. `part` lists the clip-space directions `(x, y, w)` of the cone's corners, and `error` bounds
-    /// the absolute error of their components. Every ray of the cone must meet `second` from the front. False
-    /// if undecided, or if the eye is not surely in front of both planes.
+    /// the absolute error of their components. The eye must be surely in front of `first`, and every ray of
+    /// the cone must meet `second` from the front. False if undecided, or if the eye is not surely in front
+    /// of `second`.
     pub(crate) fn is_met_first(
         &self,
         first: &Approach,
@@ -359,20 +359,14 @@ impl ClipProjection {
         // A ray with direction `v` meets a plane at the ray parameter `height / (speed . v)`. The first plane
         // is met earlier if `height' (speed . v) > height (speed' . v)`, where the prime marks the second
         // plane. This inequality is linear in `v`, so testing the corners suffices. Rays meet the second
-        // plane from the front, so `speed' . v > 0`, and then `speed . v > 0` as well. Heights are off by at
-        // most `height_error`. For unit normals, `speed . v` is off by at most three times the sum of the
-        // error of `back * v` and the effect of the error of `v` on it.
-        if !(second.height > second.height_error && first.height > first.height_error) {
-            return false;
-        }
-        let size = 3.0 * self.back_size;
-        let slow = 3.0 * (self.back_error + self.back_size * (error + 16.0 * U));
-        let slack = 2.0
-            * ((first.height + second.height) * slow
-                + (first.height_error + second.height_error) * (size + slow));
-        let (a, b) = (second.height, first.height);
-        let speed = [0, 1, 2].map(|i| a * first.speed[i] - b * second.speed[i]);
-        part.iter().all(|&v| dot(speed, v) > slack)
+        // plane from the front, so `speed' . v > 0`, and then `speed . v > 0` as well. The heights are taken
+        // at the worse end of their errors. For unit normals, `speed . v` is off by less than twice the sum
+        // of the error of `back * v` and the effect of the error of `v` on it. Rounding takes less than half
+        // of what `back_error` has to spare.
+        let (height, other) = (first.height + first.height_error, second.height - second.height_error);
+        let slack = 2.0 * (height + other) * (self.back_error + self.back_size * error);
+        let speed = [0, 1, 2].map(|i| other * first.speed[i] - height * second.speed[i]);
+        other > 0.0 && part.iter().all(|&v| dot(speed, v) > slack)
     }
 
     /// Tests whether the eye is surely in front of the plane `normal . p + offset = 0` in metres relative to
@@ -383,9 +377,9 @@ impl ClipProjection {
             Eye::Point(eye) => {
                 let distance = normal.dot(eye) + offset;
                 let size = normal.abs().dot(eye.abs()) + offset.abs();
-                distance > 8.0 * U * size + 2.0 * self.eye_error + f64::MIN_POSITIVE
+                distance > 8.0 * U * size + self.eye_error + f64::MIN_POSITIVE
             }
-            Eye::Direction(along) => normal.dot(along) < -(8.0 * U + 2.0 * self.eye_error),
+            Eye::Direction(along) => normal.dot(along) < -(8.0 * U + self.eye_error),
         }
     }
 }
@@ -438,142 +432,4 @@ fn inverse_error_bounds(forth: DMat3, back: DMat3) -> (f64, f64) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use visibility_testing::Random;
-
-    /// Generator of pseudo-random whole numbers.
-    struct Whole(Random);
-
-    impl Whole {
-        /// Returns a random whole number from -2^bits to 2^bits.
-        fn next(&mut self, bits: u32) -> i64 {
-            (self.0.bits() >> (63 - bits)) as i64 - (1 << bits)
-        }
-    }
-
-    /// Returns the determinant of three integer vectors, computed exactly.
-    fn determinant(a: [i64; 3], b: [i64; 3], c: [i64; 3]) -> i128 {
-        let [a, b, c] = [a, b, c].map(|v| v.map(i128::from));
-        (a[1] * b[2] - a[2] * b[1]) * c[0]
-            + (a[2] * b[0] - a[0] * b[2]) * c[1]
-            + (a[0] * b[1] - a[1] * b[0]) * c[2]
-    }
-
-    /// Random planes through two directions. Components are whole multiples of 2^-40 and the directions are
-    /// close together, so that products are rounded in `f64` while 128 bits hold the exact determinants.
-    #[test]
-    fn planes_through_close_directions_tell_sides_only_where_they_exactly_are() {
-        let mut whole = Whole(Random(5));
-        let unit = (1i64 << 40) as f64;
-        let direction = |v: [i64; 3]| Direction { v: v.map(|x| x as f64 / unit), error: 0.0, size: 1.0 };
-        let mut decided = 0;
-        for round in 0..100_000 {
-            let a = [whole.next(39), whole.next(39), 1 << 40];
-            let step = [whole.next(28), whole.next(28)];
-            let b = [a[0] + step[0], a[1] + step[1], a[2]];
-            let times = whole.next(6);
-            // Exactly in the plane, or a little beside it.
-            let aside = if round % 2 == 0 { 0 } else { whole.next(round % 12) };
-            let c = [a[0] + times * step[0] + aside, a[1] + times * step[1], a[2]];
-            let Some(line) = Line::through(&direction(a), &direction(b)) else { continue };
-            let at = line.at(direction(c).v);
-            if at.abs() > line.slack {
-                decided += 1;
-                assert_eq!(at.signum() as i128, determinant(a, b, c).signum(), "{a:?} {b:?} {c:?}");
-            }
-        }
-        assert!(decided > 10_000, "{decided}");
-    }
-
-    /// Random planes, and eyes within a few units in the last place of the plane; the oracle is exact 128-bit
-    /// arithmetic.
-    #[test]
-    fn an_eye_is_before_a_plane_only_if_it_exactly_is() {
-        let mut whole = Whole(Random(6));
-        let mut before = 0;
-        for round in 0..100_000 {
-            let (n, p) = ([(); 3].map(|()| whole.next(50)), [(); 3].map(|()| whole.next(23)));
-            let [normal, eye] = [n, p].map(|v| DVec3::from_array(v.map(|x| x as f64)));
-            let offset = -normal.dot(eye) * (1.0 + f64::from(round % 64 - 32) * U);
-            let view = ClipProjection { eye: Eye::Point(eye), eye_error: 0.0, ..ClipProjection::BLIND };
-            let exact = (0..3).map(|i| i128::from(n[i]) * i128::from(p[i])).sum::<i128>() + offset as i128;
-            if view.is_before(normal, offset) {
-                before += 1;
-                assert!(exact > 0, "{eye} is {exact} before {normal} {offset}");
-            }
-        }
-        assert!(before > 5000, "{before}");
-    }
-
-    /// Rows and points of whole numbers, whose products exceed the precision of a double. The oracle moves a
-    /// point by the placing error to the worse side of each row.
-    #[test]
-    fn a_direction_is_that_of_the_point_wherever_the_point_is_placed() {
-        let mut whole = Whole(Random(9));
-        let (mut rounded, mut refused) = (0, 0);
-        for round in 0..50_000 {
-            let mut rows = [(); 3].map(|()| [(); 3].map(|()| whole.next(36)));
-            let point = [(); 3].map(|()| whole.next(20));
-            if round % 4 == 0 && point[0].abs() > 1 << 10 {
-                // The first row nearly vanishes at the point.
-                let rest = point[1] * rows[0][1] + point[2] * rows[0][2];
-                rows[0][0] = -rest / point[0];
-            }
-            // In powers of two.
-            let placing = [None, Some(-6), Some(-9), Some(6)][round % 7 % 4];
-            let placing_error = placing.map_or(0.0, |power| 2f64.powi(power));
-            let row = |row: [i64; 3]| ClipRow {
-                linear: DVec3::from_array(row.map(|x| x as f64)),
-                constant: 0.0,
-                error: 0.0,
-            };
-            let projection = ClipProjection { rows: rows.map(row), ..ClipProjection::BLIND };
-            let exact =
-                rows.map(|row| (0..3).map(|i| i128::from(row[i]) * i128::from(point[i])).sum::<i128>());
-            let p = DVec3::from_array(point.map(|x| x as f64));
-            let Some(direction) = projection.direction(p, placing_error) else {
-                refused += 1;
-                continue;
-            };
-            // In multiples of 2^-60.
-            let scaled = |x: f64| (x * 2f64.powi(60)) as i128;
-            let size = exact.iter().map(|x| x.abs()).max().unwrap_or(0);
-            for (i, (row, exact)) in rows.iter().zip(exact).enumerate() {
-                let sum = row.iter().map(|&x| i128::from(x.abs())).sum::<i128>();
-                let moved = placing.map_or(0, |power| sum << (60 + power));
-                let off = (scaled(direction.v[i]) * size - (exact << 60)).abs();
-                let most = scaled(direction.error) * size;
-                assert!(off + moved <= most, "round {round}: {p}, row {i}: {direction:?}");
-                rounded += usize::from(off > 0);
-            }
-        }
-        assert!(
-            rounded > 50_000 && refused > 100,
-            "components rounded: {rounded}, directions refused: {refused}"
-        );
-    }
-
-    #[test]
-    fn a_box_is_outside_of_the_eye_only_beyond_the_clearance() {
-        let eye = DVec3::new(1.0, 2.0, 3.0);
-        let at = |eye_error| ClipProjection { eye: Eye::Point(eye), eye_error, ..ClipProjection::BLIND };
-        for axis in DVec3::AXES {
-            for sign in [1.0, -1.0] {
-                let around = |distance: f64| {
-                    let [a, b] = [distance, distance + 5.0].map(|x| eye + sign * x * axis);
-                    [a.min(b) - (DVec3::ONE - axis), a.max(b) + (DVec3::ONE - axis)]
-                };
-                assert!(at(0.0).is_outside(&around(2.0), 1.0), "beyond the clearance");
-                assert!(!at(0.0).is_outside(&around(1.0), 1.0), "at the clearance");
-                assert!(!at(0.0).is_outside(&around(0.0), 0.0), "the eye on a side of the box");
-                assert!(!at(0.0).is_outside(&around(-1.0), 0.0), "the eye in the box");
-                // The eye may be at the box.
-                assert!(!at(1.0).is_outside(&around(1.0), 0.0), "an eye that is known to a metre");
-                assert!(!at(1.0).is_outside(&around(2.5), 1.0), "the same eye, with a clearance");
-                assert!(!at(0.0).is_outside(&around(f64::NAN), 0.0), "a box that is not a number");
-                assert!(!at(f64::INFINITY).is_outside(&around(9.0), 0.0), "an eye that is anywhere");
-            }
-        }
-    }
-}
+mod tests;
