@@ -8,7 +8,7 @@ use visibility_core::glam::{DMat4, DVec3, DVec4};
 use visibility_core::{
     Aabb, Scene, View,
     geometry::{Plane, Side, SidePlane},
-    view::MAX_PLANES,
+    view::{Eye, MAX_PLANES, ViewProjection},
 };
 
 /// A polygon projected to NDC, with the scratch memory for clipping it.
@@ -53,8 +53,8 @@ const CLIP_WIDTH: f64 = 4.0;
 
 impl ScreenProjection {
     /// Builds the projection for points within `bounds`, in metres relative to `Scene::origin`. `None` if NDC
-    /// positions are not known to within [`MAX_NDC_ERROR`], because the coordinates are too large or the near
-    /// plane too close, or if `bounds` is infinite.
+    /// positions, as they are or as an eye sees them that is off by its error, are not known to within
+    /// [`MAX_NDC_ERROR`], because the coordinates are too large or the near plane too close, or if `bounds` is infinite.
     pub(super) fn new(view: &View, scene: &Scene, bounds: &Aabb) -> Option<Self> {
         // With `u = 2^-53`: clip-space `x`, `y` and `w` are sums of four products, each sum rounded by at
         // most `5 u` times the sum `m` of the products' magnitudes. The matrix is rounded once, and a vertex
@@ -89,7 +89,14 @@ impl ScreenProjection {
             let plane = Plane::new(row.truncate(), row.w).normalized()?;
             projection.push(SidePlane::new(plane, magnitude));
         }
-        (projection.error_at(least_w) <= MAX_NDC_ERROR).then_some(projection)
+        // The eye decides which side of a polygon's plane comes first, and which are fronts.
+        let reach = match view.eye(origin) {
+            Eye::Point(_) => 1.0,
+            Eye::Direction(_) => (bounds.max - bounds.min).as_dvec3().length(),
+        };
+        let per_metre = x.truncate().length().max(y.truncate().length()) / least_w;
+        let eye_error = per_metre * reach * ViewProjection::new(view, origin).eye_error();
+        (projection.error_at(least_w) <= MAX_NDC_ERROR && eye_error <= MAX_NDC_ERROR).then_some(projection)
     }
 
     /// Appends a clipping plane. Does nothing if the array is full, so polygons are then clipped less.

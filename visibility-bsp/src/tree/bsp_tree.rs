@@ -55,7 +55,10 @@ pub struct BspTree {
     /// By node index: bounds and common owner of all fragments in the node and below it.
     pub(super) subtrees: Vec<Subtree>,
     /// Indices in `nodes` of unused nodes.
+    /// Nodes that are not in use: each is its own parent.
     pub(super) free_nodes: Vec<u32>,
+    /// Scratch of [`remove`](Self::remove): the nodes of the polygons that are removed.
+    pub(super) touched: Vec<u32>,
     /// Fragments of all polygons, with their vertices.
     pub(super) store: Store,
     /// Upper bound on the absolute value of coordinates, by axis. The margins of all planes are valid up to
@@ -106,6 +109,7 @@ impl BspTree {
             nodes: Vec::new(),
             subtrees: Vec::new(),
             free_nodes: Vec::new(),
+            touched: Vec::new(),
             store: Store::default(),
             magnitude: DVec3::ZERO,
             most_levels: 0,

@@ -39,6 +39,7 @@ impl BspTree {
     /// of its sides. There are never more such planes than nodes with polygons.
     pub fn remove(&mut self, owner: u32) -> bool {
         let first = self.store.take_owner(owner);
+        let mut touched = core::mem::take(&mut self.touched);
         let mut id = first;
         while id != NONE {
             let record = self.store.free(id);
@@ -46,13 +47,19 @@ impl BspTree {
             if node.first == id {
                 node.first = record.next;
             }
-            if node.first == NONE {
-                self.close(record.node);
-            } else {
-                self.shrink(record.node);
-            }
+            touched.push(record.node);
             id = record.next_of_owner;
         }
+        // Each node once, however many of the polygons were in its plane. Closing one may free others.
+        touched.sort_unstable();
+        touched.dedup();
+        for node in touched.drain(..) {
+            let is_free = self.nodes[node as usize].parent == node;
+            if !is_free {
+                self.close(node);
+            }
+        }
+        self.touched = touched;
         first != NONE
     }
 
@@ -77,7 +84,8 @@ impl BspTree {
                 let children = &mut self.nodes[parent as usize].children;
                 children[usize::from(children[1] == id)] = rest;
             }
-            self.nodes[id as usize].children = [EMPTY; 2];
+            let free = &mut self.nodes[id as usize];
+            (free.children, free.parent) = ([EMPTY; 2], id);
             self.free_nodes.push(id);
             if parent == NONE {
                 return;
