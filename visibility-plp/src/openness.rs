@@ -356,8 +356,10 @@ mod tests {
     fn scenes_of_sizes_beyond_f32_are_open() {
         for size in [0.0, 2e-38, f32::MAX] {
             let mut scene = Scene::new();
-            scene.insert(Aabb::from_arrays([-size; 3], [size; 3]));
-            assert_eq!(openness_by_index(&scene), (alloc::vec![1.0], f32::INFINITY), "a size of {size}");
+            for size in [size, size * 0.5] {
+                scene.insert(Aabb::from_arrays([-size; 3], [size; 3]));
+            }
+            assert_eq!(openness_by_index(&scene), (alloc::vec![1.0; 2], f32::INFINITY), "a size of {size}");
         }
     }
 
@@ -381,18 +383,19 @@ mod tests {
         }
     }
 
-    /// Lists of as many surfaces as are scanned, and of one more, which are sorted.
+    /// Lists of as many surfaces as are scanned, and of one more, which are sorted. Neighbours count as the
+    /// same surface.
     #[test]
     fn long_and_short_lists_have_the_same_next_surface() {
         for count in MAX_SCANNED - 1..MAX_SCANNED + 2 {
             let corners = [(0.0, 0.0), (2.0, 0.0), (0.0, 2.0)];
-            let at = |z: usize| corners.map(|(x, y)| Vec3::new(x, y, z as f32));
+            let at = |z: usize| corners.map(|(x, y)| Vec3::new(x, y, z as f32 * SAME_SURFACE));
             let triangles: Vec<_> = (0..count).map(|i| at(i * 7 % count)).collect();
             let mut lines = Lines { side: 2, ..Lines::default() };
             lines.intersect(&triangles);
             for (i, t) in triangles.iter().enumerate() {
                 let slope = Slope::new(t, MIN_MEASURED_COSINE).unwrap();
-                let expected = if i * 7 % count + 1 < count { 1.0 } else { f32::INFINITY };
+                let expected = if i * 7 % count + 2 < count { 2.0 * SAME_SURFACE } else { f32::INFINITY };
                 assert_eq!(lines.free_distance(t, &slope), expected, "surface {i} of {count}");
             }
         }
