@@ -243,7 +243,7 @@ fn touching([p, q, h]: [i64; 3], k: i64, m: i64, side: i64) -> Disc {
 fn discs_that_reach_over_a_ray_by_a_unit_are_seen() {
     let mut random = Random(21);
     let mut hidden = 0;
-    for round in 0..40_000 {
+    for round in 0..4_000 {
         let ray = whole_direction(&mut random, 11);
         let (side, far) = (if random.one_in(2) { 1 } else { -1 }, random.magnitude(26));
         let over = |disc: Disc| Disc { radius: disc.radius + 1.0, ..disc };
@@ -273,7 +273,7 @@ fn discs_that_reach_over_a_ray_by_a_unit_are_seen() {
         points.push(point(1 + far));
         assert_eq!(look(&points, &view), [19], "round {round}: a point on the ray {ray:?}");
     }
-    assert!(hidden > 20_000, "{hidden}");
+    assert!(hidden > 2_000, "{hidden}");
 }
 
 /// Discs whose nearest point is at just the range; an eye in a ball that is inside of a disc by half a unit;
@@ -281,7 +281,7 @@ fn discs_that_reach_over_a_ray_by_a_unit_are_seen() {
 #[test]
 fn ranges_and_balls_end_where_whole_numbers_say() {
     let mut random = Random(22);
-    for round in 0..20_000 {
+    for round in 0..4_000 {
         let [p, q, h] = whole_direction(&mut random, 26);
         let center = [p as f64, q as f64];
         let radius = (h - h / (1 << random.below(40)).min(h)) as f64;
@@ -338,7 +338,7 @@ fn solid_parts_hide_only_what_is_behind_them() {
 fn solid_radii_are_the_distances_of_other_discs() {
     let mut random = Random(23);
     let square = |x: f64| ((x * 4096.0) as i128).pow(2);
-    for round in 0..2_000 {
+    for round in 0..500 {
         let [p, q, h] = whole_direction(&mut random, 13);
         let at = |k: i64| [(k * p) as f64, (k * q) as f64];
         // Two discs that touch or overlap, among others far behind, so that they may be in two leaves.
@@ -373,7 +373,7 @@ fn nodes_contain_their_discs() {
     let node = |disc: Disc| Discs::new(&[disc]).unwrap().levels[0][0];
     // All numbers are multiples of 2^-30.
     let exact = |x: f64| (x * f64::from(1 << 30)) as i128;
-    for round in 0..20_000 {
+    for round in 0..4_000 {
         let mut number = || random.magnitude(50) as f64 / f64::from(1 << 30);
         let disc = Disc { center: [number(), -number()], radius: number() };
         let eye = [number(), -number()];
