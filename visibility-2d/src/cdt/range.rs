@@ -192,6 +192,8 @@ mod tests {
                 let apart = chord([1.0, 2.0], p, q);
                 assert!(apart > 0.0 && (is_edge || apart < 25.0 * 0.0981), "{p:?} to {q:?}");
             }
+            let is_in_range = |p: &Point| (p[0] - 1.0).hypot(p[1] - 2.0) < 5.0 + 1e-9;
+            assert!(points.iter().all(is_in_range), "{points:?} from {a:?} to {b:?}");
             let first = points.first().unwrap();
             assert!(chord([1.0, 2.0], a, *first).abs() < 1e-9, "{first:?} is in the direction of {a:?}");
         }

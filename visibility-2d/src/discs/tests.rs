@@ -266,12 +266,14 @@ fn discs_that_reach_over_a_ray_by_a_unit_are_seen() {
             assert!(look(&[disc], &view).contains(&0), "round {round}: {disc:?} in {right:?} to {left:?}");
         }
         assert!(look(&[inner], &view).is_empty(), "round {round}: {inner:?} in {right:?} to {left:?}");
-        // Points on the ray itself, in a node with others that are in no direction of the sector.
-        let point = |k: i64| Disc { center: [k as f64 * p, k as f64 * q], radius: 0.0 };
-        let mut points: Vec<Disc> = (1..20).map(|k| touching(ray, k, 0, 0)).collect();
-        points.iter_mut().for_each(|disc| disc.center = disc.center.map(|x| -x));
-        points.push(point(1 + far));
-        assert_eq!(look(&points, &view), [19], "round {round}: a point on the ray {ray:?}");
+        // A point on the ray itself is the corner of a node with others that are in no direction of the sector.
+        let short = whole_direction(&mut random, 6);
+        let [p, q, _] = short.map(|x| x as f64);
+        let (right, left) = if side < 0 { ([p, q], [-q, p]) } else { ([q, -p], [p, q]) };
+        let (view, k) = (DiscView::new([0.0; 2]).with_sector(right, left), random.magnitude(9));
+        let points = (0..20).map(|m| Disc { radius: 0.0, ..touching(short, k, m, side) });
+        let points: Vec<Disc> = points.collect();
+        assert_eq!(look(&points, &view), [0], "round {round}: a point on the ray {short:?}");
     }
     assert!(hidden > 2_000, "{hidden}");
 }
@@ -293,8 +295,10 @@ fn ranges_and_balls_end_where_whole_numbers_say() {
             let less = range * (1.0 - 1e-6) - radius * 1e-6;
             assert!(look(&[disc], &view.with_range(less)).is_empty(), "round {round}: {disc:?}, {less}");
         }
-        // The sum of ball and radius is rounded to the distance, which is even.
-        let around = Disc { center, radius: h as f64 };
+        // The sum of the ball and a radius above 2^52 is rounded to the distance, if that is even.
+        let [m, n] = [0; 2].map(|_| (1 << 25) + random.below(1 << 25) as i64);
+        let (center, radius) = ([(m * m - n * n) as f64, (2 * m * n) as f64], (m * m + n * n) as f64);
+        let around = Disc { center, radius };
         let behind = Disc { center: center.map(|x| 3.0 * x), radius: 1.0 };
         let seen = look(&[around, behind], &view.with_ball(0.5));
         assert_eq!(seen, [0, 1], "round {round}: behind {around:?}, which contains eyes");
@@ -310,11 +314,12 @@ fn ranges_and_balls_end_where_whole_numbers_say() {
     for ball in [-5.0, f64::NAN] {
         assert_eq!(look(&row, &view.with_ball(ball)), [39], "a ball of {ball}");
     }
-    for far in [view.with_ball(1e151), DiscView::new([1e151, 0.0])] {
+    for far in [view.with_ball(1e200), DiscView::new([1e200, 0.0]), DiscView::new([0.0, f64::NAN])] {
         assert_eq!(look(&row, &far).len(), 40, "all discs from {far:?}");
     }
-    let zero = view.with_sector([0.0; 2], [1.0, 0.0]);
-    assert_eq!(look(&row, &zero), [39], "a sector from a zero vector");
+    for zero in [view.with_sector([0.0; 2], [1.0, 0.0]), view.with_sector([1.0, 0.0], [0.0; 2])] {
+        assert_eq!(look(&row, &zero), [39], "a sector with a zero vector");
+    }
 }
 
 /// The tangents of this disc are off by half a turn, so it counts as around the eye.
@@ -372,7 +377,7 @@ fn nodes_contain_their_discs() {
     let mut random = Random(24);
     let node = |disc: Disc| Discs::new(&[disc]).unwrap().levels[0][0];
     // All numbers are multiples of 2^-30.
-    let exact = |x: f64| (x * f64::from(1 << 30)) as i128;
+    let exact = |x: f64| (x * 2f64.powi(40)) as i128;
     for round in 0..4_000 {
         let mut number = || random.magnitude(50) as f64 / f64::from(1 << 30);
         let disc = Disc { center: [number(), -number()], radius: number() };
@@ -383,7 +388,7 @@ fn nodes_contain_their_discs() {
             let [center, at] = [disc.center[axis], eye[axis]].map(|x| sign * x);
             let end = exact(center) - exact(at) + exact(disc.radius);
             let size = center.abs() + at.abs() + disc.radius;
-            assert!(exact(bound.next_up()) >= end, "round {round}: {bound} of {disc:?} from {eye:?}");
+            assert!(exact(bound) >= end, "round {round}: {bound} of {disc:?} from {eye:?}");
             assert!(exact(bound) <= end + exact(size * 3e-7) + 1, "round {round}: {bound} of {disc:?}");
         }
     }

@@ -171,7 +171,7 @@ impl DiscZone {
     pub fn look(&mut self, discs: &Discs, view: &DiscView, seen: &mut Vec<u32>) {
         seen.clear();
         let DiscView { eye, directions, range, ball } = *view;
-        if !eye.iter().all(|x| x.abs() <= MAX_NUMBER) || ball > MAX_NUMBER {
+        if !eye.iter().all(|x| x.abs() <= MAX_NUMBER) {
             seen.extend(0..discs.len() as u32);
             return;
         }
