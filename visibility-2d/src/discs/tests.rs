@@ -344,22 +344,24 @@ fn solid_radii_are_the_distances_of_other_discs() {
     let mut random = Random(23);
     let square = |x: f64| ((x * 4096.0) as i128).pow(2);
     for round in 0..500 {
-        let [p, q, h] = whole_direction(&mut random, 13);
+        let [p, q, h] = whole_direction(&mut random, 14);
         let at = |k: i64| [(k * p) as f64, (k * q) as f64];
-        // Two discs that touch or overlap, among others far behind, so that they may be in two leaves.
-        let (first, more) = (1 + random.below(h as usize) as i64, [0, random.magnitude(20)][random.below(2)]);
+        // Two discs that touch or overlap, in two leaves: half of the discs is on either side of them.
+        let first = 1 + random.below(h.min(1 << 23) as usize) as i64;
+        let more = [0, random.magnitude(20)][random.below(2)];
         let mut discs = alloc::vec![Disc { center: [0.0; 2], radius: first as f64 }];
         discs.push(Disc { center: at(1), radius: (h - first + more) as f64 });
         let apart = 8 * (1 + more / h);
-        discs.extend((2..40).map(|k| Disc { center: at(k * apart), radius: 1.0 }));
+        discs.extend((1..32).flat_map(|k| [k, -k]).map(|k| Disc { center: at(k * apart), radius: 1.0 }));
         let made = Discs::new(&discs).unwrap();
         let solid = |of: u32| made.solid_radii[made.indices.iter().position(|&i| i == of).unwrap()];
         let expected = (h as f64 - discs[1].radius).max(0.0);
-        assert!(solid(0) < discs[0].radius, "round {round}: a disc that touches another one");
+        let is_less = |of: u32| solid(of) < discs[of as usize].radius || discs[of as usize].radius == 0.0;
+        assert!(is_less(0) && is_less(1), "round {round}: discs that touch each other");
         assert!(solid(0) >= expected - 2e-12 * h as f64, "round {round}: {} of {expected}", solid(0));
         let reach = solid(0) + discs[1].radius;
         assert!(solid(0) == 0.0 || square(reach) < square(h as f64), "round {round}: {reach} of {h}");
-        assert_eq!(solid(39), 1.0, "round {round}: the last disc, which is alone");
+        assert_eq!(solid(63), 1.0, "round {round}: the last disc, which is alone");
     }
     let disjoint = |discs: &[Disc]| Discs::new(discs).unwrap().are_disjoint;
     let disc = |x: f64, radius: f64| Disc { center: [x, 0.0], radius };
