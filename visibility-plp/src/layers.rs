@@ -227,8 +227,8 @@ mod tests {
     use crate::test_exact::{Random, RandomExact};
     use visibility_core::{Aabb, Object, Scene, glam::DVec3, view::Eye};
 
-    /// A layer ends where ranks are four below the first, but not before twelve objects, and not twelve before
-    /// the end.
+    /// A layer ends where ranks are four below the first, but not before twelve objects, and not so that
+    /// fewer than twelve are left.
     #[test]
     fn layers_are_as_long_as_their_ranks_say() {
         let length = |ranks: &[u32]| {

@@ -126,8 +126,8 @@ mod tests {
         stopped
     }
 
-    /// Triangles with corners on and beside rays and faces of the box, and depths that reach a face of the box
-    /// exactly, stop the rays that integer arithmetic tells.
+    /// Triangles stop the rays that integer arithmetic tells. Their corners are on and beside rays and faces
+    /// of the box, and some are exactly as deep as a face of the box.
     #[test]
     fn rays_are_stopped_as_whole_numbers_say() {
         let mut random = Random(31);

@@ -50,8 +50,8 @@ impl Disc {
             return true;
         }
         // If the foot of the perpendicular is beyond an end, this end is the nearest point. Where rounding
-        // decides that, the foot is beyond by up to (2 / s + 3) u |a|, with s = |b - a| / |a|, and by less than
-        // s |a|. So the square of the distance of the end is that of the foot up to 5 u.
+        // decides that, the foot is beyond by up to (2 / s + 3) u |a|, with s = |b - a| / |a|, and by less
+        // than s |a|. So the square of the distance of the end is that of the foot up to 5 u.
         let (length, at_a, at_b) = (dot(along, along), dot(a, along), dot(b, along));
         if at_a >= 0.0 || at_b <= 0.0 {
             return false;
@@ -167,8 +167,8 @@ mod tests {
         assert!(!Disc::new([0.0; 2], -2.0).is_near([[1.0, 0.0], [1.0, 1.0]]), "a negative range is 0");
     }
 
-    /// Points of the clipped boundary are within the range, begin and end in the directions asked for, and are
-    /// no farther apart than a sixteenth of a turn divided by four.
+    /// Points of the clipped boundary are on the edge or the circle, begin in the direction asked for, and
+    /// arcs have no gap of more than a 64th of a turn.
     #[test]
     fn clipped_edges_are_parts_of_edge_and_circle() {
         let disc = Disc::new([1.0, 2.0], 5.0);

@@ -266,7 +266,7 @@ fn discs_that_reach_over_a_ray_by_a_unit_are_seen() {
             assert!(look(&[disc], &view).contains(&0), "round {round}: {disc:?} in {right:?} to {left:?}");
         }
         assert!(look(&[inner], &view).is_empty(), "round {round}: {inner:?} in {right:?} to {left:?}");
-        // A point on the ray itself is the corner of a node with others that are in no direction of the sector.
+        // A point on the ray itself is the corner of a node whose other points are outside of the sector.
         let short = whole_direction(&mut random, 6);
         let [p, q, _] = short.map(|x| x as f64);
         let (right, left) = if side < 0 { ([p, q], [-q, p]) } else { ([q, -p], [p, q]) };

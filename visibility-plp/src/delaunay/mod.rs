@@ -400,12 +400,12 @@ mod tests {
                     let outwards = if dot(exact, minus(apex, a)) < 0 { 1.0 } else { -1.0 };
                     let exact = DVec3::from_array(exact.map(|x| x as f64)).normalize() * outwards;
                     assert!((face.normal - exact).length() < 1e-15, "{} {exact}", face.normal);
-                    assert!(corners.iter().enumerate().any(|(i, p)| i != apart && *p == face.point));
+                    let is_corner = corners.iter().enumerate().any(|(i, p)| i != apart && *p == face.point);
+                    assert!(is_corner, "{} is a corner of the face", face.point);
                 });
                 let mut last = 0;
-                let none = cells.neighbours[cell as usize].contains(&NONE);
                 cells.for_each_face(cell, &|neighbour| neighbour == NONE, &mut |_| last += 1);
-                assert_eq!(last, 0, "faces without a neighbour, {none}");
+                assert_eq!(last, 0, "faces without a neighbour, which nobody is told of");
                 let first = cells.neighbours[cell as usize].iter().copied().find(|&near| near != NONE);
                 cells.for_each_face(cell, &|near| Some(near) == first, &mut |_| last += 1);
                 assert_eq!(last, 1, "the one face that is wanted");
