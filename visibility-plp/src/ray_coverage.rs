@@ -151,11 +151,11 @@ mod tests {
             };
             let triangle = t.map(|p| DVec3::from_array(p.map(|x| x as f64)));
             let found = stopped_rays(&triangle, DVec3::ZERO, DVec3::splat(16.0), |_| true);
-            for axis in 0..3 {
+            for (axis, &found) in found.iter().enumerate() {
                 // Otherwise a depth that is exactly that of the box's face is rounded.
                 if area(axis).is_power_of_two() || area(axis) == 0 {
-                    assert_eq!(found[axis], exactly_stopped(&t, axis), "axis {axis} of {t:?}");
-                    stopped += found[axis].count_ones();
+                    assert_eq!(found, exactly_stopped(&t, axis), "axis {axis} of {t:?}");
+                    stopped += found.count_ones();
                     flat += u32::from(area(axis) == 0);
                 }
             }
