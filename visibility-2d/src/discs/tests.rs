@@ -298,9 +298,9 @@ fn ranges_and_balls_end_where_whole_numbers_say() {
         // The sum of the ball and a radius above 2^52 is rounded to the distance, if that is even.
         let [m, n] = [0; 2].map(|_| (1 << 25) + random.below(1 << 25) as i64);
         let (center, radius) = ([(m * m - n * n) as f64, (2 * m * n) as f64], (m * m + n * n) as f64);
-        let around = Disc { center, radius };
+        let (around, ball) = (Disc { center, radius: radius - 1_048_576.0 }, 1_048_576.5);
         let behind = Disc { center: center.map(|x| 3.0 * x), radius: 1.0 };
-        let seen = look(&[around, behind], &view.with_ball(0.5));
+        let seen = look(&[around, behind], &view.with_ball(ball));
         assert_eq!(seen, [0, 1], "round {round}: behind {around:?}, which contains eyes");
     }
     let row: Vec<Disc> =
@@ -381,9 +381,11 @@ fn nodes_contain_their_discs() {
     // All numbers are multiples of 2^-30.
     let exact = |x: f64| (x * 2f64.powi(40)) as i128;
     for round in 0..4_000 {
-        let mut number = || random.magnitude(50) as f64 / f64::from(1 << 30);
-        let disc = Disc { center: [number(), -number()], radius: number() };
-        let eye = [number(), -number()];
+        // Discs that `f32` holds exactly, and others.
+        let bits = [23, 50][round % 2];
+        let mut number = |bits| random.magnitude(bits) as f64 / f64::from(1 << 30);
+        let disc = Disc { center: [number(bits), -number(bits)], radius: number(bits) };
+        let eye = [number(50), -number(50)];
         let around = node(disc).around(eye);
         for (axis, sign) in [(0, -1.0), (1, -1.0), (0, 1.0), (1, 1.0)] {
             let bound = sign * around[axis + if sign > 0.0 { 2 } else { 0 }];
