@@ -56,3 +56,19 @@ pub(crate) fn rectangle_span(x0: f64, y0: f64, x1: f64, y1: f64) -> Option<(f64,
     };
     Some((diamond(first[0], first[1]), diamond(last[0], last[1])))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::rectangle_span;
+
+    /// From a side or corner of a rectangle, it is seen as from inside.
+    #[test]
+    fn rectangles_have_no_span_from_their_border() {
+        for x in [-1.0, -0.5, 0.0] {
+            for y in [-1.0, -0.5, 0.0] {
+                assert_eq!(rectangle_span(x, y, x + 1.0, y + 1.0), None, "a unit square from ({x}, {y})");
+            }
+        }
+        assert_eq!(rectangle_span(1.0, -1.0, 2.0, 1.0), Some((3.5, 0.5)), "a rectangle ahead");
+    }
+}

@@ -219,7 +219,8 @@ fn split_group(cells: &CellBoxes) -> (&CellBoxes, Aabb, &CellBoxes) {
     let (mut all, mut sum, mut count) = (Aabb::EMPTY, 0.0, 0);
     for (_, bounds) in cells.iter().take(GROUP) {
         let (more, filled) = (all.union(bounds), sum + volume(bounds));
-        if count > 0 && volume(&more) > 3.0 * filled {
+        // Never of the first box, which fills its own volume.
+        if volume(&more) > 3.0 * filled {
             break;
         }
         (all, sum, count) = (more, filled, count + 1);
@@ -337,5 +338,28 @@ impl<S: Deref<Target: Tessellation>, M: OcclusionMap> Culler for ConservativePlp
 
     fn reset(&mut self) {
         self.map.reset();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Neighbouring boxes are asked for together while their common box has up to three times the volume that
+    /// they fill, and at most sixteen.
+    #[test]
+    fn groups_are_boxes_that_fill_a_third_of_their_common_box() {
+        let row = |ends: &[[f32; 2]]| -> Vec<(u32, Aabb)> {
+            let boxes = ends.iter().map(|&[low, high]| Aabb::from_arrays([low, 0.0, 0.0], [high, 1.0, 1.0]));
+            (0..).zip(boxes).collect()
+        };
+        let length = |ends: &[[f32; 2]]| split_group(&row(ends)).0.len();
+        assert_eq!(length(&[[0.0, 1.0], [5.0, 6.0], [6.0, 7.0]]), 3, "2 of 6, and 3 of 7");
+        assert_eq!(length(&[[0.0, 1.0], [5.25, 6.25], [6.25, 9.0]]), 1, "2 of 6.25");
+        assert_eq!(length(&[[0.0, 1.0]; 20]), 16, "the greatest group");
+        let (cells, mut all) = (row(&[[0.0, 1.0], [2.0, 3.0], [90.0, 91.0]]), Aabb::EMPTY);
+        let (group, together, others) = split_group(&cells);
+        group.iter().for_each(|(_, bounds)| all = all.union(bounds));
+        assert_eq!((together, others), (all, &cells[2..]), "the common box, and what is left");
     }
 }

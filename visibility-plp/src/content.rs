@@ -272,12 +272,27 @@ mod tests {
     use super::*;
     use visibility_core::Aabb;
 
+    /// An eighth of the objects may be strays before cells should be made anew.
+    #[test]
+    fn more_strays_than_an_eighth_are_too_many() {
+        let mut scene = Scene::new();
+        let unit = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+        let ids = scene.insert_batch((0..16).map(|_| unit));
+        let pairs: Vec<_> = (0..16).map(|object| (0, object)).collect();
+        let mut content = Content::new(&scene, &pairs, alloc::vec![[0; 4]]);
+        for (count, expected) in [(1, true), (2, true), (3, false)] {
+            scene.set_bounds(ids[count], Aabb::from_arrays([0.0; 3], [2.0; 3])).unwrap();
+            assert_eq!(content.sync(&scene), expected, "{count} strays of 16");
+        }
+    }
+
     #[test]
     fn lists_of_any_numbers_come_back() {
         let mut scene = Scene::new();
         scene.insert_batch((0..70_000).map(|i| Aabb::from_arrays([i as f32; 3], [i as f32 + 1.0; 3])));
         let objects = [0, 1, 127, 128, 255, 16_383, 16_384, 32_767, 69_999];
-        let pairs: Vec<_> = objects.iter().flat_map(|&o| [(1, o), (0, o)]).chain([]).collect();
+        let pairs: Vec<_> =
+            objects.iter().flat_map(|&o| [(1, o), (0, o)]).chain([(3, 5), (2, 70_000)]).collect();
         let content = Content::new(&scene, &pairs, alloc::vec![[0; 4]; 3]);
         assert_eq!(content.primitives(0).collect::<Vec<_>>(), objects, "objects of cell 0");
         assert_eq!(content.primitives(1).collect::<Vec<_>>(), objects, "objects of cell 1");

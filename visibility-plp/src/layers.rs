@@ -144,9 +144,8 @@ impl<'a> Layers<'a> {
     /// relative to the eye, of the cell that holds the objects. False if undecided or the lean is unknown.
     #[inline]
     pub(crate) fn is_back(&self, cell: &BoxFromEye) -> bool {
-        self.side < ANY_SIDE
-            && self.lean < UNKNOWN_LEAN
-            && cell.is_behind(self.side, f32::from(self.lean) / LEAN_AT_45_DEGREES)
+        // Objects of any side have no known lean.
+        self.lean < UNKNOWN_LEAN && cell.is_behind(self.side, f32::from(self.lean) / LEAN_AT_45_DEGREES)
     }
 
     /// Returns the number of bytes of the layers not returned yet.
@@ -226,7 +225,51 @@ mod tests {
     use super::*;
     use crate::content::Content;
     use crate::test_exact::{Random, RandomExact};
-    use visibility_core::{Aabb, Object, Scene, view::Eye};
+    use visibility_core::{Aabb, Object, Scene, glam::DVec3, view::Eye};
+
+    /// A layer ends where ranks are four below the first, but not before twelve objects, and not so that
+    /// fewer than twelve are left.
+    #[test]
+    fn layers_are_as_long_as_their_ranks_say() {
+        let length = |ranks: &[u32]| {
+            let objects: Vec<u32> = (0..ranks.len() as u32).collect();
+            layer_length(&objects, |object| ranks[object as usize])
+        };
+        let of = |parts: &[(u32, usize)]| {
+            let ranks = parts.iter().flat_map(|&(rank, count)| core::iter::repeat_n(rank, count));
+            length(&ranks.collect::<Vec<_>>())
+        };
+        assert_eq!(of(&[(9, 12), (5, 12)]), 12, "four ranks apart, twelve on either side");
+        assert_eq!(of(&[(9, 12), (6, 3), (5, 12)]), 15, "three ranks apart are together");
+        assert_eq!(of(&[(9, 12), (5, 11)]), 23, "fewer than twelve stay with the others");
+        assert_eq!(of(&[(9, 11), (5, 12), (1, 12)]), 23, "fewer than twelve take the next ranks");
+        assert_eq!(of(&[(9, 12), (5, 12), (1, 12)]), 12, "twelve are enough");
+        assert_eq!(of(&[]), 0, "no object");
+    }
+
+    /// Eight objects that face a side have a block of that side with a bound on their lean. Seven are among
+    /// those of any side, of which nothing is known.
+    #[test]
+    fn few_objects_of_a_side_are_among_those_of_any_side() {
+        let class = |side| (SurfaceClass { area: 100, side, openness: 31 }, 3);
+        for count in [7, 8] {
+            let classes: Vec<_> = (0..20).map(|i| class(if i < count { 2 } else { 5 })).collect();
+            let (mut bytes, mut objects) = (Vec::new(), (0..20).collect::<Vec<u32>>());
+            let blocks = push_list(&mut bytes, &mut objects, &classes);
+            let sides: Vec<_> = Sides::new(&bytes).map(|layers| (layers.side, layers.lean)).collect();
+            let few = if count < 8 { (ANY_SIDE, UNKNOWN_LEAN) } else { (2, 3) };
+            assert!(blocks == 2 && sides.contains(&few) && sides.contains(&(5, 3)), "{count}: {sides:?}");
+        }
+    }
+
+    /// Objects with a side but no known lean, as slivers are, count as fronts from everywhere.
+    #[test]
+    fn sides_of_unknown_lean_are_no_backs() {
+        let cell = BoxFromEye::new(Eye::Point(DVec3::X * 1e6), 0.0, &Aabb::from_arrays([-1.0; 3], [1.0; 3]));
+        let layers = |lean| Layers { side: 1, lean, ..Layers::default() };
+        assert!(layers(UNKNOWN_LEAN - 1).is_back(&cell), "a known lean");
+        assert!(!layers(UNKNOWN_LEAN).is_back(&cell), "an unknown lean");
+    }
 
     /// Scenes of sloped triangles in a box and eyes around the box: if `is_back` is true for a side, each
     /// triangle of the side faces away from the eye.

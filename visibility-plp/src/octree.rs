@@ -422,7 +422,103 @@ impl Tessellation for OctreeTessellation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_exact::{Random, RandomExact};
     use visibility_core::Object;
+
+    /// Appends the leaves (minimum corner and side, in grid steps) of a node with the given vertices.
+    fn expected_leaves(
+        [x, y, z, side]: [u32; 4],
+        vertices: &[[u32; 3]],
+        fineness: Fineness,
+        leaves: &mut Vec<[u16; 4]>,
+    ) {
+        let is_in = |v: &&[u32; 3]| [x, y, z].iter().zip(*v).all(|(low, at)| (*low..low + side).contains(at));
+        let own: Vec<_> = vertices.iter().filter(is_in).copied().collect();
+        let can_part = own.iter().any(|v| *v != own[0]);
+        if own.len() > fineness.vertices && can_part && side > STEPS >> fineness.halvings.min(10) {
+            for child in 0..8 {
+                let at =
+                    [x, y, z].into_iter().enumerate().map(|(i, low)| low + (child >> i & 1) * (side / 2));
+                let at: Vec<u32> = at.collect();
+                expected_leaves([at[0], at[1], at[2], side / 2], &own, fineness, leaves);
+            }
+        } else {
+            leaves.push([x, y, z, side].map(|x| x as u16));
+        }
+    }
+
+    /// Leaves are those that counting the corners in each cube gives; faces are where two leaves touch, and
+    /// as large as the smaller one's; each leaf is found at its minimum corner.
+    #[test]
+    fn leaves_and_faces_are_those_of_a_plain_count() {
+        let mut random = Random(61);
+        for round in 0..12 {
+            let mut scene = Scene::new();
+            let mut vertices = Vec::new();
+            // Corners in the middle of voxels, many of them beside a face of a large node.
+            let corner = |random: &mut Random| {
+                [(); 3].map(|()| (64 * (random.whole(7) + 8) + random.whole(2)).clamp(0, 1023) as u32)
+            };
+            let extent = Aabb::from_arrays([-50.0; 3], [50.0; 3]);
+            let grid = Grid::around(&extent);
+            let point = |v: [u32; 3]| (grid.corner(v) + DVec3::splat(grid.step * 0.5)).as_vec3();
+            let mut add = |corners: [[u32; 3]; 3]| {
+                let t = corners.map(point);
+                let id = scene.insert(Object::new(Aabb::from_points(t)));
+                scene.set_triangles(id, [t]).unwrap();
+                vertices.extend(corners);
+            };
+            (0..30).for_each(|_| add([(); 3].map(|()| corner(&mut random))));
+            (0..3).for_each(|_| add([[200; 3]; 3]));
+            let id = scene.insert(extent);
+            let t = [-50.0, 50.0, 50.0].map(visibility_core::glam::Vec3::splat);
+            scene.set_triangles(id, [t]).unwrap();
+            vertices.extend(t.map(|p| grid.voxel(p.as_dvec3())));
+            let fineness = Fineness { vertices: 1 + round % 4, halvings: [0, 2, 10, 12][round / 3] };
+            let cells = OctreeTessellation::from_scene(&scene, fineness);
+            assert_eq!(cells.grid, grid, "the grid is that around the extent");
+            let mut leaves = Vec::new();
+            expected_leaves([0, 0, 0, STEPS], &vertices, fineness, &mut leaves);
+            assert_eq!(cells.leaf_positions, leaves, "round {round}: leaves");
+            for (cell, leaf) in (0..).zip(&leaves) {
+                let [mine, mut found, mut expected] = [leaf.map(u32::from).to_vec(), Vec::new(), Vec::new()];
+                cells.for_each_face(cell, &|_| true, &mut |face| {
+                    let side = (face.area.sqrt() / grid.step).round() as u32;
+                    let axis = (0..3).find(|&axis| face.normal[axis] != 0.0).unwrap();
+                    found.extend(
+                        [(face.neighbour, axis as u32, u32::from(face.normal[axis] > 0.0), side)]
+                            .map(|(a, b, c, d)| a << 16 | b << 14 | c << 13 | d),
+                    );
+                });
+                let mut is_outer = false;
+                for axis in 0..3 {
+                    is_outer |= mine[axis] == 0 || mine[axis] + mine[3] == STEPS;
+                    for (other, leaf) in (0..).zip(&leaves) {
+                        let other_leaf = leaf.map(u32::from);
+                        let meets = |of: usize| {
+                            mine[of] < other_leaf[of] + other_leaf[3] && other_leaf[of] < mine[of] + mine[3]
+                        };
+                        if !meets((axis + 1) % 3) || !meets((axis + 2) % 3) {
+                            continue;
+                        }
+                        let upwards = mine[axis] + mine[3] == other_leaf[axis];
+                        if upwards || other_leaf[axis] + other_leaf[3] == mine[axis] {
+                            let side = mine[3].min(other_leaf[3]);
+                            expected
+                                .push(other << 16 | (axis as u32) << 14 | u32::from(upwards) << 13 | side);
+                        }
+                    }
+                }
+                found.sort_unstable();
+                expected.sort_unstable();
+                assert_eq!(found, expected, "round {round}: faces of {leaf:?}");
+                assert_eq!(cells.boundary().contains(&cell), is_outer, "round {round}: {leaf:?}");
+                let corner = [mine[0], mine[1], mine[2]];
+                let inside = grid.corner(corner) + DVec3::splat(grid.step * 0.5);
+                assert_eq!(cells.locate(inside), Some(cell), "round {round}: the cell at {corner:?}");
+            }
+        }
+    }
 
     /// Flat boxes on and next to many faces of voxels are in every cell that they touch.
     #[test]

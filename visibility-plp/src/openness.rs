@@ -70,9 +70,6 @@ pub(crate) fn openness_by_index(scene: &Scene) -> (Vec<f32>, f32) {
     let center = min * 0.5 + max * 0.5;
     // The length is in f64, since squares overflow f32 before coordinates do.
     let radius = (max - center).as_dvec3().length();
-    if !(radius > 0.0 && radius < f64::from(f32::MAX)) {
-        return (by_index, f32::INFINITY);
-    }
     let wide = |v: Vec3| v.as_dvec3();
     let area: f64 =
         triangles.iter().map(|(_, [a, b, c])| wide(b - a).cross(wide(c - a)).length() * 0.5).sum();
@@ -86,6 +83,7 @@ pub(crate) fn openness_by_index(scene: &Scene) -> (Vec<f32>, f32) {
     let spacing = (radius * 2.0 / most).max(wanted);
     let side = (radius * 2.0 / spacing) as u32;
     let (radius, spacing) = (radius as f32, spacing as f32);
+    // Neither is normal without triangles and without extent.
     if !(radius.is_normal() && spacing.is_normal()) {
         return (by_index, f32::INFINITY);
     }
@@ -353,6 +351,56 @@ mod tests {
         assert!(openness[boxed.index()] < 0.6, "{openness:?}");
     }
 
+    /// The radius overflows, or the distance of two lines underflows.
+    #[test]
+    fn scenes_of_sizes_beyond_f32_are_open() {
+        for size in [0.0, 2e-38, f32::MAX] {
+            let mut scene = Scene::new();
+            for size in [size, size * 0.5] {
+                scene.insert(Aabb::from_arrays([-size; 3], [size; 3]));
+            }
+            assert_eq!(openness_by_index(&scene), (alloc::vec![1.0; 2], f32::INFINITY), "a size of {size}");
+        }
+    }
+
+    /// A corner exactly as high as the middle of a row of lines ends the same edges in whatever order the
+    /// corners come. Lines at the lower end of a row of a triangle are not met, those at the upper end are.
+    #[test]
+    fn lines_through_corners_are_met_once() {
+        let t = [Vec3::new(1.0, 0.0, 0.0), Vec3::new(6.5, 2.5, 0.0), Vec3::new(2.0, 5.0, 0.0)];
+        for order in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]] {
+            let t = order.map(|i| t[i]);
+            let mut lines = Lines { side: 8, ..Lines::default() };
+            lines.intersect(&[t]);
+            let met: Vec<_> = lines.intersections.iter().map(|&(line, _)| (line / 8, line % 8)).collect();
+            let row = |j: u32, columns: core::ops::Range<u32>| columns.map(move |i| (j, i));
+            let expected = [row(0, 1..2), row(1, 1..4), row(2, 2..7), row(3, 2..5), row(4, 2..3)];
+            assert_eq!(
+                met,
+                expected.into_iter().flatten().collect::<Vec<_>>(),
+                "rows and columns, {order:?}"
+            );
+        }
+    }
+
+    /// Lists of as many surfaces as are scanned, and of one more, which are sorted. Neighbours count as the
+    /// same surface.
+    #[test]
+    fn long_and_short_lists_have_the_same_next_surface() {
+        for count in MAX_SCANNED - 1..MAX_SCANNED + 2 {
+            let corners = [(0.0, 0.0), (2.0, 0.0), (0.0, 2.0)];
+            let at = |z: usize| corners.map(|(x, y)| Vec3::new(x, y, z as f32 * SAME_SURFACE));
+            let triangles: Vec<_> = (0..count).map(|i| at(i * 7 % count)).collect();
+            let mut lines = Lines { side: 2, ..Lines::default() };
+            lines.intersect(&triangles);
+            for (i, t) in triangles.iter().enumerate() {
+                let slope = Slope::new(t, MIN_MEASURED_COSINE).unwrap();
+                let expected = if i * 7 % count + 2 < count { 2.0 * SAME_SURFACE } else { f32::INFINITY };
+                assert_eq!(lines.free_distance(t, &slope), expected, "surface {i} of {count}");
+            }
+        }
+    }
+
     #[test]
     fn openness_is_within_its_range_for_any_scene() {
         assert!(openness_by_index(&Scene::new()).0.is_empty(), "an empty scene has no openness");
@@ -375,7 +423,8 @@ mod tests {
         let mut depths: Vec<f32> = (0..4096).map(|i| (i / 1000) as f32 * 7.0).collect();
         depths.insert(0, f32::NEG_INFINITY);
         depths.push(f32::INFINITY);
-        for depth in [-100.0, 0.0, 0.1, 6.9, 7.0, 7.3, 20.0, 28.0, 1e9, f32::NAN] {
+        for depth in [-100.0, -SAME_SURFACE, SAME_SURFACE, 0.0, 0.1, 6.9, 7.0, 7.3, 20.0, 28.0, 1e9, f32::NAN]
+        {
             for up in [true, false] {
                 let distance = |other: f32| if up { other - depth } else { depth - other };
                 let scanned = depths.iter().map(|&other| distance(other));

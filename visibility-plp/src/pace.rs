@@ -40,7 +40,7 @@ impl Pace {
     /// Starts with an estimate of the speed, in units of cost per microsecond. An estimate that is not
     /// positive or not finite counts as 1.
     pub fn new(cost_per_microsecond: f64) -> Self {
-        let is_speed = cost_per_microsecond.is_normal() && cost_per_microsecond > 0.0;
+        let is_speed = cost_per_microsecond.is_normal() && cost_per_microsecond.is_sign_positive();
         Self { cost_per_microsecond: if is_speed { cost_per_microsecond } else { 1.0 } }
     }
 

@@ -35,10 +35,6 @@ impl Cover {
     }
 }
 
-/// Bound beyond which a corner certainly lies outside of the box: the corner's depth along a ray from the
-/// centre of the box, in units of half the box's size. Exceeds 1 by far more than the rounding of a depth
-/// interpolated between corners.
-const BEYOND: f64 = 1.0 + 1e-6;
 /// Twice the least area of a projected triangle that stops rays, where the box has a side of 2. Smaller
 /// triangles would only meet rays by rounding.
 const MIN_AREA: f64 = 1e-9;
@@ -64,11 +60,11 @@ fn stopped_along(corners: &[DVec3; 3], axis: usize, inside: impl Fn(DVec3) -> bo
     let [a, b, c] = corners.map(|p| [p[u], p[v], p[axis]]);
     // The triangle lies beyond the near or the far side of the box.
     let depths = [a[2], b[2], c[2]];
-    if depths.iter().all(|&depth| depth < -BEYOND) || depths.iter().all(|&depth| depth > BEYOND) {
+    if depths.iter().all(|&depth| depth < -1.0) || depths.iter().all(|&depth| depth > 1.0) {
         return 0;
     }
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-    if area.is_nan() || area.abs() <= MIN_AREA {
+    if area.abs() <= MIN_AREA {
         return 0;
     }
     // Ray i runs at (2i + 1) / 8 - 1.
@@ -104,4 +100,80 @@ fn stopped_along(corners: &[DVec3; 3], axis: usize, inside: impl Fn(DVec3) -> bo
         }
     }
     stopped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_exact::{Random, RandomExact};
+
+    /// Returns the rays along `axis` that a triangle stops inside of the box from -16 to 16, by integer
+    /// arithmetic. The corners are in sixteenths of half the box, so rays are at odd multiples of 2.
+    fn exactly_stopped(t: &[[i64; 3]; 3], axis: usize) -> u64 {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut stopped = 0;
+        for ray in 0..64 {
+            let (x, y) = (4 * (ray % 8) - 14, 4 * (ray / 8) - 14);
+            let cross = |p: [i64; 3], q: [i64; 3]| (p[u] - x) * (q[v] - y) - (p[v] - y) * (q[u] - x);
+            let weights = [0, 1, 2].map(|i| cross(t[(i + 1) % 3], t[(i + 2) % 3]));
+            let area: i64 = weights.iter().sum();
+            let depth: i64 = (0..3).map(|i| weights[i] * t[i][axis]).sum();
+            let is_within = weights.iter().all(|weight| weight * area >= 0);
+            if area != 0 && is_within && depth.abs() <= 16 * area.abs() {
+                stopped |= 1 << ray;
+            }
+        }
+        stopped
+    }
+
+    /// Triangles stop the rays that integer arithmetic tells. Their corners are on and beside rays and faces
+    /// of the box, and some are exactly as deep as a face of the box.
+    #[test]
+    fn rays_are_stopped_as_whole_numbers_say() {
+        let mut random = Random(31);
+        let (mut stopped, mut flat) = (0, 0);
+        for round in 0..20_000 {
+            let mut t = [(); 3].map(|()| random.integers(24));
+            if round % 2 == 0 {
+                // Legs along two axes of 16 or 32 units: no rounding at all.
+                let (axis, legs) = (round / 2 % 3, [16 << (round / 6 % 2), 16 << (round / 12 % 2)]);
+                t[0] = t[0].map(|x| x / 2 * 2);
+                (t[1], t[2]) = (t[0], t[0]);
+                t[1][axis] += legs[0];
+                t[2][(axis + 1) % 3] += legs[1];
+                t[1][(axis + 2) % 3] += 8 * random.whole(2);
+                t[2][(axis + 2) % 3] += 8 * random.whole(2);
+            }
+            let area = |axis: usize| {
+                let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+                let leg = |i: usize, of: usize| t[i][of] - t[0][of];
+                (leg(1, u) * leg(2, v) - leg(1, v) * leg(2, u)).unsigned_abs()
+            };
+            let triangle = t.map(|p| DVec3::from_array(p.map(|x| x as f64)));
+            let found = stopped_rays(&triangle, DVec3::ZERO, DVec3::splat(16.0), |_| true);
+            for (axis, &found) in found.iter().enumerate() {
+                // Otherwise a depth that is exactly that of the box's face is rounded.
+                if area(axis).is_power_of_two() || area(axis) == 0 {
+                    assert_eq!(found, exactly_stopped(&t, axis), "axis {axis} of {t:?}");
+                    stopped += found.count_ones();
+                    flat += u32::from(area(axis) == 0);
+                }
+            }
+        }
+        assert!(stopped > 10_000 && flat > 1000, "{stopped} {flat}");
+    }
+
+    #[test]
+    fn shares_are_of_the_rays_that_pass_through_the_cell() {
+        let mut cover = Cover::default();
+        cover.add([u64::MAX, 0xffff, 1]);
+        cover.add([0, 0xf_0000, 1]);
+        assert_eq!(cover.shares([1.0; 3]), [255, 79, 3, 0], "64, 20 and 1 of 64 rays");
+        assert_eq!(cover.shares([0.5, 0.5, 0.25]), [255, 159, 15, 0], "rays of a cell that fills less");
+        assert_eq!(
+            cover.shares([0.0; 3]),
+            [255; 3].into_iter().chain([0]).collect::<alloc::vec::Vec<_>>()[..],
+            "rays of a cell thinner than the distance of two rays"
+        );
+    }
 }

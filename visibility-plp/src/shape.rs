@@ -101,3 +101,26 @@ pub(crate) fn for_each_shape(scene: &Scene, id: ObjectId, each: &mut dyn FnMut(&
         each(&Shape::Triangle(triangle.map(|p| p.as_dvec3())));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Aabb;
+    use visibility_core::glam::Vec3;
+
+    /// An object is its triangles, or its box if it has none or one of them has no place.
+    #[test]
+    fn objects_are_triangles_if_all_of_them_have_a_place() {
+        let mut scene = Scene::new();
+        let (good, bad) = ([Vec3::ZERO, Vec3::X, Vec3::Y], [Vec3::ZERO, Vec3::X, Vec3::NAN]);
+        for (triangles, expected) in
+            [(&[good, good][..], [2, 0]), (&[][..], [0, 1]), (&[good, bad][..], [0, 1])]
+        {
+            let id = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+            scene.set_triangles(id, triangles.to_vec()).unwrap();
+            let mut counts = [0; 2];
+            for_each_shape(&scene, id, &mut |shape| counts[usize::from(shape.corners().count == 8)] += 1);
+            assert_eq!(counts, expected, "triangles and boxes of {triangles:?}");
+        }
+    }
+}

@@ -76,8 +76,8 @@ pub(crate) fn stopped_share(cover: [f64; 3], direction: DVec3) -> f64 {
 /// along it.
 #[inline]
 pub(crate) fn entering_share(silhouette: f64, direction: DVec3, normal: DVec3, area: f64) -> f64 {
-    let across = normal.dot(direction);
-    if across > 0.0 && silhouette > 0.0 { (across * area / silhouette).min(1.0) } else { 0.0 }
+    let across = normal.dot(direction).max(0.0);
+    if silhouette > 0.0 { (across * area / silhouette).min(1.0) } else { 0.0 }
 }
 
 /// Returns the mean solid angle, in steradians, of a square metre of surface in a cell, over all
@@ -96,7 +96,7 @@ pub(crate) fn solid_angle_per_area(frustum: &CellFrustum, center: DVec3, silhoue
 /// least 1e-6. 1 for an infinite angle and for NaN.
 #[inline]
 pub(crate) fn priority_factor(angle: f32) -> f32 {
-    if angle < f32::MAX { (angle / (angle + HALF_PRIORITY_ANGLE)).max(1e-6) } else { 1.0 }
+    if angle.is_finite() { (angle / (angle + HALF_PRIORITY_ANGLE)).max(1e-6) } else { 1.0 }
 }
 
 /// Returns the estimated probability that a surface in view is not hidden by what stands close in front of
@@ -110,7 +110,7 @@ pub(crate) fn priority_factor(angle: f32) -> f32 {
 /// all lines, so the eye's distance counts by the geometric mean with that of an average eye, which is 1.
 #[inline]
 pub(crate) fn free_share(openness: f32, distance: f32) -> f32 {
-    let distance = if distance < f32::MAX { Vec2::splat(distance).sqrt().x } else { 1.0 };
+    let distance = if distance.is_finite() { Vec2::splat(distance).sqrt().x } else { 1.0 };
     let share = openness / (openness + distance);
     if share.is_nan() { 1.0 } else { share }
 }
@@ -194,6 +194,8 @@ fn is_star_shaped<T: Tessellation + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::octree::{Fineness, OctreeTessellation};
+    use visibility_core::{Aabb, Pose, Scene, View};
 
     #[test]
     fn free_distance_counts_by_the_distance_of_the_eye() {
@@ -207,6 +209,50 @@ mod tests {
             let share = free_share(openness, distance);
             assert!((0.0..=1.0).contains(&share), "{openness} {distance}: {share}");
         }
+    }
+
+    #[test]
+    fn shares_and_factors_keep_within_their_limits() {
+        assert_eq!(stopped_share([0.5, 0.25, 1.0], DVec3::new(-0.5, 0.25, 0.25)), 0.5625, "weighted by axis");
+        assert_eq!(stopped_share([1.0; 3], DVec3::ZERO), 0.0, "a zero direction");
+        let share = |silhouette, along: f64| entering_share(silhouette, DVec3::X, DVec3::X * along, 2.0);
+        assert_eq!(share(8.0, 0.5), 0.125, "an eighth of the silhouette");
+        assert_eq!(share(8.0, -0.5), 0.0, "a face that rays leave by");
+        assert_eq!((share(1.0, 1.0), share(0.0, 1.0)), (1.0, 0.0), "a small silhouette, and one of nothing");
+        assert_eq!(priority_factor(HALF_PRIORITY_ANGLE), 0.5, "the middle");
+        assert_eq!((priority_factor(1e-30), priority_factor(f32::NAN)), (1e-6, 1.0), "the limits");
+        assert_eq!(visibility_chance(0.0625), 0.125, "the power of 3/4");
+    }
+
+    /// Two cells beside each other: of eyes behind the first one, the line to the middle of the second one
+    /// enters it through the common face if it leaves the first one there.
+    #[test]
+    fn published_solidity_counts_objects_and_lines_that_miss_the_face() {
+        let mut scene = Scene::new();
+        scene.insert(Aabb::from_arrays([-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]));
+        scene.insert(Aabb::from_arrays([-1.0, -1.0, -1.0], [-0.9, -0.9, -0.9]));
+        let cells = OctreeTessellation::from_scene(&scene, Fineness { vertices: 1, halvings: 1 });
+        let (cell, far) = (cells.locate(DVec3::splat(-0.5)).unwrap(), DVec3::new(0.5, -0.5, -0.5));
+        let next = cells.locate(far).unwrap();
+        assert_eq!((cells.content().count(cell), cells.content().max_count()), (2, 2), "objects");
+        let of = |eye: DVec3, from_far: bool| {
+            let view = View::perspective(Pose::look_at(eye, far, DVec3::Z), 1.0, 1.0, 0.1, 100.0).unwrap();
+            let frustum = CellFrustum::new(&view, DVec3::ZERO, &cells.bounds());
+            let (cell, next) = if from_far { (next, cell) } else { (cell, next) };
+            let (mut solidity, center) = (f32::NAN, cells.center(next));
+            cells.for_each_face(cell, &|neighbour| neighbour == next, &mut |face| {
+                let direction = frustum.direction(cells.center(cell));
+                let source = SourceCell { cell, direction, transmittance_or_solidity: 0.25 };
+                solidity = count_solidity(&cells, &frustum, &source, face, center);
+            });
+            solidity
+        };
+        let along = DVec3::new(-9.0, cells.center(cell).y, cells.center(cell).z);
+        assert_eq!(of(along, false), 1.25, "a line through both middles: 2 of 2 objects, and the cell's own");
+        assert_eq!(of(along, true), 2.0 * 0.5 + PENALTY, "against the face: 1 of 2 objects, twice, and more");
+        let aside = DVec3::new(-0.5, -9.0, -0.5);
+        let solidity = of(aside, false);
+        assert!(solidity >= 2.0 + PENALTY, "a line beside the face: {solidity}");
     }
 
     #[test]

@@ -86,7 +86,9 @@ impl SurfaceClass {
             area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
         }
         let (side, lean) = match (triangles.first(), triangles.len()) {
-            (Some([a, b, c]), 1) => side_of(b.as_dvec3() - a.as_dvec3(), c.as_dvec3() - a.as_dvec3()),
+            (Some([a, b, c]), 1) if triangles.has_certain_fronts() => {
+                side_of(b.as_dvec3() - a.as_dvec3(), c.as_dvec3() - a.as_dvec3())
+            }
             _ => (ANY_SIDE, UNKNOWN_LEAN),
         };
         let openness = FULLY_OPEN - halves_below_one(openness).min(FULLY_OPEN);

@@ -221,3 +221,193 @@ fn a_disc_in_a_pile_hides_nothing_and_others_hide() {
         "solid radii of discs in the pile and beside it"
     );
 }
+
+/// Returns a random direction (p, q) whose length h is whole.
+fn whole_direction(random: &mut Random, bits: usize) -> [i64; 3] {
+    let [m, n] = [0; 2].map(|_| random.magnitude(bits));
+    let (p, q) = (m * m - n * n, 2 * m * n);
+    let (p, q) = if random.one_in(2) { (q, p) } else { (p, q) };
+    [if random.one_in(2) { -p } else { p }, if random.one_in(2) { -q } else { q }, m * m + n * n]
+}
+
+/// Returns the disc of radius `m` h that touches the ray in the direction (p, q) at `k` h, at the ray's left
+/// for a `side` of 1, at its right for -1.
+fn touching([p, q, h]: [i64; 3], k: i64, m: i64, side: i64) -> Disc {
+    let center = [k * p - side * m * q, k * q + side * m * p].map(|x| x as f64);
+    Disc { center, radius: (m * h) as f64 }
+}
+
+/// A disc reaches over a ray by one unit: it is seen beyond what covers all up to the ray, and within the
+/// sector that begins at the ray. Discs that stay behind the ray are not.
+#[test]
+fn discs_that_reach_over_a_ray_by_a_unit_are_seen() {
+    let mut random = Random(21);
+    let mut hidden = 0;
+    for round in 0..4_000 {
+        let ray = whole_direction(&mut random, 11);
+        let (side, far) = (if random.one_in(2) { 1 } else { -1 }, random.magnitude(26));
+        let over = |disc: Disc| Disc { radius: disc.radius + 1.0, ..disc };
+        // The farther disc is narrow, or as wide as it can be; the nearer one covers more on the other side.
+        let narrow = touching(ray, far, 1 + far / (2 << random.below(8)), side);
+        let wide = touching(ray, 1 + far / (2 << random.below(16)), far, side);
+        let near = 1 + far / (4 << random.below(16));
+        let cover = touching(ray, near, far, side);
+        let ball = f64::from(random.between(0, 1));
+        let cover = Disc { radius: cover.radius + ball, ..cover };
+        let view = DiscView::new([0.0; 2]).with_ball(ball);
+        assert!(look(&[cover, over(narrow)], &view).contains(&1), "round {round}: {cover:?} {narrow:?}");
+        let inner = Disc { radius: narrow.radius * (1.0 - 1e-6), ..narrow };
+        hidden += usize::from(!look(&[cover, inner], &view).contains(&1));
+        // The sector on the other side of the ray, up to a quarter turn.
+        let [p, q, _] = ray.map(|x| x as f64);
+        let (right, left) = if side < 0 { ([p, q], [-q, p]) } else { ([q, -p], [p, q]) };
+        let view = DiscView::new([0.0; 2]).with_sector(right, left);
+        for disc in [over(wide), over(narrow)] {
+            assert!(look(&[disc], &view).contains(&0), "round {round}: {disc:?} in {right:?} to {left:?}");
+        }
+        assert!(look(&[inner], &view).is_empty(), "round {round}: {inner:?} in {right:?} to {left:?}");
+        // A point on the ray itself is the corner of a node whose other points are outside of the sector.
+        let short = whole_direction(&mut random, 6);
+        let [p, q, _] = short.map(|x| x as f64);
+        let (right, left) = if side < 0 { ([p, q], [-q, p]) } else { ([q, -p], [p, q]) };
+        let (view, k) = (DiscView::new([0.0; 2]).with_sector(right, left), random.magnitude(9));
+        let points = (0..20).map(|m| Disc { radius: 0.0, ..touching(short, k, m, side) });
+        let points: Vec<Disc> = points.collect();
+        assert_eq!(look(&points, &view), [0], "round {round}: a point on the ray {short:?}");
+    }
+    assert!(hidden > 2_000, "{hidden}");
+}
+
+/// Discs whose nearest point is at just the range; an eye in a ball that is inside of a disc by half a unit;
+/// and discs in a row, of which the first hides the others.
+#[test]
+fn ranges_and_balls_end_where_whole_numbers_say() {
+    let mut random = Random(22);
+    for round in 0..4_000 {
+        let [p, q, h] = whole_direction(&mut random, 26);
+        let center = [p as f64, q as f64];
+        let radius = (h - h / (1 << random.below(40)).min(h)) as f64;
+        let range = h as f64 - radius;
+        let view = DiscView::new([0.0; 2]);
+        let disc = Disc { center, radius };
+        assert_eq!(look(&[disc], &view.with_range(range)), [0], "round {round}: {disc:?} up to {range}");
+        if radius < h as f64 {
+            let less = range * (1.0 - 1e-6) - radius * 1e-6;
+            assert!(look(&[disc], &view.with_range(less)).is_empty(), "round {round}: {disc:?}, {less}");
+        }
+        // The sum of the ball and a radius above 2^52 is rounded to the distance, if that is even.
+        let [m, n] = [0; 2].map(|_| (1 << 25) + random.below(1 << 25) as i64);
+        let (center, radius) = ([(m * m - n * n) as f64, (2 * m * n) as f64], (m * m + n * n) as f64);
+        let (around, ball) = (Disc { center, radius: radius - 1_048_576.0 }, 1_048_576.5);
+        let behind = Disc { center: center.map(|x| 3.0 * x), radius: 1.0 };
+        let seen = look(&[around, behind], &view.with_ball(ball));
+        assert_eq!(seen, [0, 1], "round {round}: behind {around:?}, which contains eyes");
+    }
+    let row: Vec<Disc> =
+        (0..40).map(|i| Disc { center: [f64::from(40 - i) * 3.0, 0.5], radius: 1.0 }).collect();
+    assert_eq!(look(&row, &DiscView::new([0.0; 2])), [39], "the nearest of a row");
+    let view = DiscView::new([0.0; 2]);
+    let disc = Disc { center: [3.0, 0.0], radius: 1.0 };
+    for (range, expected) in [(2.0, &[0][..]), (1.9, &[]), (-5.0, &[]), (f64::NAN, &[])] {
+        assert_eq!(look(&[disc], &view.with_range(range)), expected, "a range of {range}");
+    }
+    for ball in [-5.0, f64::NAN] {
+        assert_eq!(look(&row, &view.with_ball(ball)), [39], "a ball of {ball}");
+    }
+    for far in [view.with_ball(1e200), DiscView::new([1e200, 0.0]), DiscView::new([0.0, f64::NAN])] {
+        assert_eq!(look(&row, &far).len(), 40, "all discs from {far:?}");
+    }
+    for zero in [view.with_sector([0.0; 2], [1.0, 0.0]), view.with_sector([1.0, 0.0], [0.0; 2])] {
+        assert_eq!(look(&row, &zero), [39], "a sector with a zero vector");
+    }
+}
+
+/// The tangents of this disc are off by half a turn, so it counts as around the eye.
+#[test]
+fn an_eye_almost_on_a_circle_sees_the_disc() {
+    let disc = Disc { center: [1.0, 0.0], radius: 1.0 - f64::EPSILON };
+    let view = DiscView::new([0.0; 2]).with_sector([1.0, -0.1], [1.0, 0.1]);
+    assert_eq!(look(&[disc], &view), [0], "the disc in front of the eye");
+}
+
+/// A disc inside another one, nearer than what that one hides with its solid part.
+#[test]
+fn solid_parts_hide_only_what_is_behind_them() {
+    let discs = [Disc { center: [5.0, 0.0], radius: 2.0 }, Disc { center: [4.75, 0.0], radius: 0.1 }];
+    assert_eq!(look(&discs, &DiscView::new([0.0; 2])), [0, 1], "the outer disc and the inner one");
+}
+
+/// Solid radii leave out other discs by exact arithmetic, and no more than rounding beside; discs that touch
+/// are not disjoint.
+#[test]
+fn solid_radii_are_the_distances_of_other_discs() {
+    let mut random = Random(23);
+    let square = |x: f64| ((x * 4096.0) as i128).pow(2);
+    for round in 0..500 {
+        let [p, q, h] = whole_direction(&mut random, 14);
+        let at = |k: i64| [(k * p) as f64, (k * q) as f64];
+        // Two discs that touch or overlap, in two leaves: half of the discs is on either side of them.
+        let first = 1 + random.below(h.min(1 << 23) as usize) as i64;
+        let more = [0, random.magnitude(20)][random.below(2)];
+        let mut discs = alloc::vec![Disc { center: [0.0; 2], radius: first as f64 }];
+        discs.push(Disc { center: at(1), radius: (h - first + more) as f64 });
+        let apart = 8 * (1 + more / h);
+        discs.extend((1..32).flat_map(|k| [k, -k]).map(|k| Disc { center: at(k * apart), radius: 1.0 }));
+        let made = Discs::new(&discs).unwrap();
+        let solid = |of: u32| made.solid_radii[made.indices.iter().position(|&i| i == of).unwrap()];
+        let expected = (h as f64 - discs[1].radius).max(0.0);
+        let is_less = |of: u32| solid(of) < discs[of as usize].radius || discs[of as usize].radius == 0.0;
+        assert!(is_less(0) && is_less(1), "round {round}: discs that touch each other");
+        assert!(solid(0) >= expected - 2e-12 * h as f64, "round {round}: {} of {expected}", solid(0));
+        let reach = solid(0) + discs[1].radius;
+        assert!(solid(0) == 0.0 || square(reach) < square(h as f64), "round {round}: {reach} of {h}");
+        assert_eq!(solid(63), 1.0, "round {round}: the last disc, which is alone");
+    }
+    let disjoint = |discs: &[Disc]| Discs::new(discs).unwrap().are_disjoint;
+    let disc = |x: f64, radius: f64| Disc { center: [x, 0.0], radius };
+    assert!(disjoint(&[disc(0.0, 1.0), disc(3.0, 1.0)]), "discs apart");
+    assert!(!disjoint(&[disc(0.0, 1.0), disc(2.0, 1.0)]), "discs that touch");
+    assert!(!disjoint(&[disc(0.0, 0.0)]), "a point");
+    let bad = [disc(1e151, 1.0), disc(0.0, -1.0), disc(0.0, 1e151), disc(f64::NAN, 1.0)];
+    assert!(bad.iter().all(|&disc| Discs::new(&[disc]).is_err()), "discs without a place or a radius");
+}
+
+/// Bounds of a node contain its discs by exact arithmetic, and are as wide as the discs up to rounding. They
+/// are finite, however far discs are.
+#[test]
+fn nodes_contain_their_discs() {
+    let mut random = Random(24);
+    let node = |disc: Disc| Discs::new(&[disc]).unwrap().levels[0][0];
+    // All numbers are multiples of 2^-30.
+    let exact = |x: f64| (x * 2f64.powi(40)) as i128;
+    for round in 0..4_000 {
+        // Discs that `f32` holds exactly, and others.
+        let bits = [23, 50][round % 2];
+        let mut number = |bits| random.magnitude(bits) as f64 / f64::from(1 << 30);
+        let disc = Disc { center: [number(bits), -number(bits)], radius: number(bits) };
+        let eye = [number(50), -number(50)];
+        let around = node(disc).around(eye);
+        for (axis, sign) in [(0, -1.0), (1, -1.0), (0, 1.0), (1, 1.0)] {
+            let bound = sign * around[axis + if sign > 0.0 { 2 } else { 0 }];
+            let [center, at] = [disc.center[axis], eye[axis]].map(|x| sign * x);
+            let end = exact(center) - exact(at) + exact(disc.radius);
+            let size = center.abs() + at.abs() + disc.radius;
+            assert!(exact(bound) >= end, "round {round}: {bound} of {disc:?} from {eye:?}");
+            assert!(exact(bound) <= end + exact(size * 3e-7) + 1, "round {round}: {bound} of {disc:?}");
+        }
+    }
+    for x in [1.0, 1.0 + 1e-12, -1.0 - 1e-12, 0.1, -0.1, 1e149, -1e149, 1e-300, -1e-300, 0.0] {
+        let node = node(Disc { center: [x, 0.0], radius: x.abs() });
+        let wide = [node.min[0], node.max[0], node.radius].map(f64::from);
+        assert!(wide[0] <= x && wide[1] >= x && wide[2] >= x.abs(), "{wide:?} around {x}");
+        let is_next = |bound: f32, inwards: f32| {
+            f64::from(bound) == x || (f64::from(inwards) - x).signum() != (f64::from(bound) - x).signum()
+        };
+        assert!(is_next(node.min[0], node.min[0].next_up()), "{wide:?} is close to {x}");
+        assert!(is_next(node.max[0], node.max[0].next_down()), "{wide:?} is close to {x}");
+    }
+    for eye in [[0.0; 2], [-1e150, 1e150]] {
+        let around = node(Disc { center: [1e150, -1e150], radius: 1e150 }).around(eye);
+        assert!(around.iter().all(|x| x.abs() <= 1e300), "{around:?}");
+    }
+}

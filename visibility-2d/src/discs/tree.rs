@@ -227,11 +227,11 @@ impl Discs {
             }
             for (at, other) in (node * LEAF..).zip(self.discs.iter().skip(node * LEAF).take(LEAF)) {
                 let (dx, dy) = (disc.center[0] - other.center[0], disc.center[1] - other.center[1]);
-                let (squared, reach) = (dx * dx + dy * dy, disc.radius + other.radius);
                 // Discs that touch up to rounding count as overlapping.
-                if at != index && squared <= reach * reach * (1.0 + ROUNDING) {
-                    overlapping += 1;
-                    let left = visibility_core::geometry::sqrt(squared) * (1.0 - ROUNDING) - other.radius;
+                if at != index {
+                    let distance = visibility_core::geometry::sqrt(dx * dx + dy * dy) * (1.0 - ROUNDING);
+                    let left = distance - other.radius;
+                    overlapping += usize::from(left < disc.radius);
                     solid = solid.min(left.max(0.0));
                 }
             }

@@ -171,7 +171,7 @@ impl DiscZone {
     pub fn look(&mut self, discs: &Discs, view: &DiscView, seen: &mut Vec<u32>) {
         seen.clear();
         let DiscView { eye, directions, range, ball } = *view;
-        if !eye.iter().all(|x| x.abs() <= MAX_NUMBER) || ball > MAX_NUMBER {
+        if !eye.iter().all(|x| x.abs() <= MAX_NUMBER) {
             seen.extend(0..discs.len() as u32);
             return;
         }
@@ -184,9 +184,7 @@ impl DiscZone {
         // r)`, and wrong by `4u (d^2 + r^2)`, or by underflow. A disc that contains the eye is in any range.
         let widest = f64::from(discs.levels[top][0].radius);
         let reach = range + widest;
-        let farthest = range * (range + 2.0 * widest) * (1.0 + ROUNDING)
-            + ROUNDING * (reach * reach)
-            + f64::MIN_POSITIVE;
+        let farthest = range * (range + 2.0 * widest) + ROUNDING * (reach * reach) + f64::MIN_POSITIVE;
         self.queue.push(Reverse((0, (top as u32) << INDEX_BITS)));
         while let Some(Reverse((power, code))) = self.queue.pop() {
             if self.gaps.is_closed() || f64::from_bits(power) > farthest {

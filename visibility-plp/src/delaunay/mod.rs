@@ -16,7 +16,7 @@ use crate::shape::{Shape, for_each_shape};
 use crate::tessellation::{Face, Tessellation};
 use alloc::vec::Vec;
 pub(crate) use predicates::Point;
-use predicates::{is_beyond, sub_point};
+use predicates::{FACES, is_beyond, sub_point};
 pub(crate) use triangulate::NONE;
 use triangulate::{Mesh, find_cell};
 use visibility_core::glam::DVec3;
@@ -260,17 +260,18 @@ impl Tessellation for DelaunayTessellation {
     }
 
     fn for_each_face(&self, cell: u32, wanted: &dyn Fn(u32) -> bool, each: &mut dyn FnMut(&Face)) {
-        let corners = self.corners(cell);
+        // In steps of the fine grid, so that the normal is exact up to the rounding of its length.
+        let corners = self.fine_corners(cell);
+        let step = self.grid.step / f64::from(FINE_PER_STEP);
         for (face, &neighbour) in self.neighbours[cell as usize].iter().enumerate() {
             if neighbour == NONE || !wanted(neighbour) {
                 continue;
             }
-            let [a, b, c] = [1, 2, 3].map(|i| corners[(face + i) % 4]);
-            let across = (b - a).cross(c - a);
-            let outwards = if across.dot(corners[face] - a) > 0.0 { -across } else { across };
+            let [a, b, c] = FACES[face].map(|i| corners[i]);
+            let outwards = (c - a).cross(b - a);
             let length = outwards.length();
-            let normal = if length > 0.0 { outwards / length } else { DVec3::ZERO };
-            each(&Face { neighbour, point: a, normal, area: length * 0.5 });
+            let point = self.grid.min + a * step;
+            each(&Face { neighbour, point, normal: outwards / length, area: length * 0.5 * step * step });
         }
     }
 
@@ -287,7 +288,7 @@ impl Tessellation for DelaunayTessellation {
 mod tests {
     use super::*;
     use crate::cell_frustum::CellFrustum;
-    use crate::test_exact::Random;
+    use crate::test_exact::{Random, cross, dot, minus};
     use visibility_core::{Object, Pose, View};
 
     /// Adds an object of some triangles, in metres.
@@ -361,6 +362,55 @@ mod tests {
         });
         let content = cells.assign_objects(&scene);
         assert_eq!(content.strays(), [], "triangles in no cell, of {}", scene.len());
+    }
+
+    /// Bounds of cells are those of their corners, normals of faces point away from the opposite corner by
+    /// exact arithmetic, also where a scene is far from its origin, and unwanted neighbours are left out.
+    #[test]
+    fn faces_and_bounds_are_those_of_the_corners() {
+        for far in [0.0, 1e7] {
+            let (mut random, mut scene) = (Random(54), Scene::new());
+            for _ in 0..200 {
+                let at = DVec3::splat(far) + random.fine_vector(60.0);
+                add(&mut scene, &[[at; 3], [at + DVec3::ONE; 3]]);
+            }
+            let cells = DelaunayTessellation::from_scene(&scene, Fineness { vertices: 2, halvings: 10 });
+            for cell in 0..cells.cells.len() as u32 {
+                let (corners, bounds) = (cells.corners(cell), cells.cell_bounds(cell));
+                for axis in 0..3 {
+                    let (least, most) =
+                        corners.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| {
+                            (if p[axis] < a { p[axis] } else { a }, if p[axis] > b { p[axis] } else { b })
+                        });
+                    let (min, max) = (f64::from(bounds.min[axis]), f64::from(bounds.max[axis]));
+                    assert!(min <= least && max >= most, "{bounds:?} holds {corners:?}");
+                    let spacing =
+                        f64::from(bounds.max[axis].abs().max(bounds.min[axis].abs())) * 2f64.powi(-22);
+                    assert!(least - min <= spacing && max - most <= spacing, "{bounds:?} of {corners:?}");
+                }
+                let fine =
+                    cells.cells[cell as usize].map(|vertex| cells.points[vertex as usize].map(i64::from));
+                cells.for_each_face(cell, &|_| true, &mut |face| {
+                    let near =
+                        cells.neighbours[cell as usize].iter().position(|&near| near == face.neighbour);
+                    let (apart, mut others) = (near.unwrap(), fine.to_vec());
+                    let apex = others.remove(apart);
+                    let [a, b, c] = [0, 1, 2].map(|i| others[i]);
+                    let exact = cross(minus(b, a), minus(c, a));
+                    let outwards = if dot(exact, minus(apex, a)) < 0 { 1.0 } else { -1.0 };
+                    let exact = DVec3::from_array(exact.map(|x| x as f64)).normalize() * outwards;
+                    assert!((face.normal - exact).length() < 1e-15, "{} {exact}", face.normal);
+                    let is_corner = corners.iter().enumerate().any(|(i, p)| i != apart && *p == face.point);
+                    assert!(is_corner, "{} is a corner of the face", face.point);
+                });
+                let mut last = 0;
+                cells.for_each_face(cell, &|neighbour| neighbour == NONE, &mut |_| last += 1);
+                assert_eq!(last, 0, "faces without a neighbour, which nobody is told of");
+                let first = cells.neighbours[cell as usize].iter().copied().find(|&near| near != NONE);
+                cells.for_each_face(cell, &|near| Some(near) == first, &mut |_| last += 1);
+                assert_eq!(last, 1, "the one face that is wanted");
+            }
+        }
     }
 
     /// View rays may leave the eye's cell through every face that the eye is beyond by rounding.

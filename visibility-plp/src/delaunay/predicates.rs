@@ -36,13 +36,16 @@ pub(crate) fn sub_point(point: [f64; 3]) -> SubPoint {
     point.map(|x| (x.clamp(-1.0, most) * SUB_STEPS) as i64)
 }
 
+/// For each corner of a cell, the other three corners, indices 0 to 3: anticlockwise seen from this corner.
+pub(crate) const FACES: [[usize; 3]; 4] = [[1, 3, 2], [0, 2, 3], [0, 3, 1], [0, 1, 2]];
+
 /// Tests exactly whether `p` lies strictly beyond a face of a cell. `corners` are the cell's corners, whose
 /// [`volume`] must be positive; `face` is the index, 0 to 3, of the corner opposite of the face.
 pub(crate) fn is_beyond(corners: [Point; 4], face: usize, p: SubPoint) -> bool {
     // With the corner at `face` replaced by p, the cell has the volume (b - a) x (c - a) . (p - a), where a,
-    // b and c are the other corners in an order that depends on the face. The cross product is less than
+    // b and c are the other corners in the order of `FACES`. The cross product is less than
     // 2^36 and p - a less than 2^50, so each of the three products is less than 2^86.
-    let [a, b, c] = [[1, 3, 2], [0, 2, 3], [0, 3, 1], [0, 1, 2]][face].map(|i| corners[i]);
+    let [a, b, c] = FACES[face].map(|i| corners[i]);
     let (u, v) = (minus(b, a), minus(c, a));
     let product = |i: usize| {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);

@@ -8,6 +8,8 @@ mod projection;
 mod ready;
 mod remaining_layers;
 mod state;
+#[cfg(test)]
+mod tests;
 mod traversal;
 
 pub use state::Budget;

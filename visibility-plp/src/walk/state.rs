@@ -292,7 +292,7 @@ impl Walk {
         self.layer_objects.resize(content.max_count() as usize, LayerObject::NONE);
         self.ready.clear(frame.scene.len());
         (self.reached, self.projected) = (0, 0);
-        self.taken.reset(frame.scene.index_limit().max(content.index_limit()));
+        self.taken.reset(frame.scene.index_limit());
         let at_once = self.layer_objects.len();
         make_room(&mut self.seen, at_once);
         make_room(&mut self.tested, at_once * MAX_TESTED_TRIANGLES);

@@ -1,0 +1,109 @@
+//! Tests of a walk through a single flat cell.
+
+use super::{Budget, FrameContext, PlpSettings, Walk};
+use crate::cell_frustum::CellFrustum;
+use crate::content::Content;
+use crate::tessellation::{Face, Tessellation};
+use alloc::vec::Vec;
+use visibility_core::glam::{DAffine3, DVec3, Vec3};
+use visibility_core::scene::SharedTriangles;
+use visibility_core::{Aabb, Object, Pose, Scene, View, VisibleSet};
+
+/// One cell without thickness, which holds all objects.
+struct Sheet {
+    content: Content,
+    bounds: Aabb,
+}
+
+impl Tessellation for Sheet {
+    fn content(&self) -> &Content {
+        &self.content
+    }
+    fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+    fn locate(&self, _: DVec3) -> Option<u32> {
+        None
+    }
+    fn cell_bounds(&self, _: u32) -> Aabb {
+        self.bounds
+    }
+    fn center(&self, _: u32) -> DVec3 {
+        self.bounds.center().as_dvec3()
+    }
+    fn projected_area(&self, _: u32, _: DVec3) -> f64 {
+        1.0
+    }
+    fn for_each_face(&self, _: u32, _: &dyn Fn(u32) -> bool, _: &mut dyn FnMut(&Face)) {}
+    fn contains(&self, _: u32, _: DVec3) -> bool {
+        false
+    }
+    fn boundary(&self) -> &[u32] {
+        &[0]
+    }
+}
+
+/// Returns a cell of 12 triangles in one plane that face along z. `thickness` scales the mesh along z.
+fn sheet(scene: &mut Scene, thickness: f64) -> Sheet {
+    for i in 0..12u8 {
+        let corner = Vec3::new(f32::from(i % 4) * 0.1, f32::from(i / 4) * 0.1, 0.0);
+        let t = [corner, corner + Vec3::X * 0.1, corner + Vec3::Y * 0.1];
+        let id = scene.insert(Object::new(Aabb::from_points(t)));
+        let placed = DAffine3::from_scale(DVec3::new(1.0, 1.0, thickness));
+        scene.set_triangles(id, SharedTriangles::from([t]).placed(placed)).unwrap();
+    }
+    let pairs: Vec<_> = (0..12).map(|object| (0, object)).collect();
+    let content = Content::new(scene, &pairs, alloc::vec![[0; 4]]);
+    Sheet { content, bounds: Aabb::from_arrays([0.0; 3], [0.5, 0.5, 0.0]) }
+}
+
+/// Returns how many objects a walk keeps that is one-sided and without a budget, from an eye `below` metres
+/// behind the triangles, whose error is a metre.
+fn kept_from(below: f64, scene: &Scene, cell: &Sheet) -> usize {
+    let eye = DVec3::new(0.2, 0.2, -below);
+    let pose = Pose::look_at(eye, eye + DVec3::Z, DVec3::X);
+    let view = View::perspective(pose, 2.0, 1.0, 0.01, 9.0).unwrap();
+    let mut frustum = CellFrustum::new(&view, DVec3::ZERO, &cell.bounds);
+    frustum.eye_error = 1.0;
+    let mut visible = VisibleSet::new();
+    visible.fill(scene, &view);
+    let settings = PlpSettings { one_sided: true, ..PlpSettings::new(Budget::Objects(usize::MAX)) };
+    let frame = FrameContext { tessellation: cell, scene, visible: &visible, frustum, settings };
+    let (mut walk, keep) = (Walk::default(), &mut |_, _| true);
+    assert!(walk.begin(&frame, keep), "the cell is of this scene");
+    while let Some(cell) = walk.next() {
+        walk.step(&frame, cell, keep);
+    }
+    walk.emit(&frame, 0.0, keep);
+    walk.order.len()
+}
+
+/// Backs are kept while the eye may be in front of them, though bins of normals and sides of the cell are
+/// asked before the triangles are.
+#[test]
+fn backs_are_kept_within_the_error_of_the_eye() {
+    let mut scene = Scene::new();
+    let cell = sheet(&mut scene, 1.0);
+    assert_eq!([0.9, 1.1].map(|below| kept_from(below, &scene, &cell)), [12, 0], "objects kept");
+}
+
+/// A transform that flattens leaves open which side is the front: no side is a back.
+#[test]
+fn sides_of_flattened_triangles_are_no_backs() {
+    let mut scene = Scene::new();
+    let cell = sheet(&mut scene, 0.0);
+    assert_eq!([0.9, 1.1].map(|below| kept_from(below, &scene, &cell)), [12, 12], "objects kept");
+}
+
+/// An object that has changed before and after the cells were brought up to date is kept once.
+#[test]
+fn objects_that_change_twice_are_kept_once() {
+    let mut scene = Scene::new();
+    let mut cell = sheet(&mut scene, 1.0);
+    let id = scene.id_at(5).unwrap();
+    for size in [0.7, 0.8] {
+        cell.content.sync(&scene);
+        scene.set_bounds(id, Aabb::from_arrays([0.0; 3], [size, size, 0.0])).unwrap();
+    }
+    assert_eq!(kept_from(1.1, &scene, &cell), 1, "objects kept");
+}
