@@ -7,7 +7,7 @@
 import assert from "node:assert/strict";
 import { mkdir, readFile, writeFile } from "node:fs/promises";
 import { Tab, launch } from "./chromium.js";
-import { writeElsewhere, writeMirrored, writePoints, writeWall } from "./models.js";
+import { ENCODERS, writeElsewhere, writeMirrored, writePoints, writeWall } from "./models.js";
 import { serve } from "./serve.js";
 
 const [answers, pictures, part] = process.argv.slice(2);
@@ -132,6 +132,31 @@ async function files(tab) {
   assert.deepEqual(rows[0], ["everything", "38"]);
   assert.match(report, />0 of [\d,]+<\/td><td>0<\/td><td>conservative/);
   assert.match(report, /visibility-three/);
+}
+
+/** Compressed files: as many triangles as before, and the same objects are hidden. */
+async function compressed(tab) {
+  const path = `${pictures}/compressed.glb`;
+  for (const [compression, encoder] of Object.entries(ENCODERS)) {
+    const isThere = await import(encoder).then(
+      () => true,
+      () => false,
+    );
+    if (!isThere) {
+      console.error(`${encoder} is not there: test of files compressed by ${compression} skipped`);
+      continue;
+    }
+    await writeWall(path, { compression });
+    const opened = await tab.openFiles(path);
+    assert.deepEqual([opened.message, opened.objects, opened.allTriangles], ["", 38, 38 * 12], compression);
+    const front = `page.lookFrom([0, 3, 25], [0, 3, 0])`;
+    const all = await tab.judged(`page.chooseStages(["frustum"]); ${front}`);
+    assert.deepEqual([all.visible, all.check.shown, all.check.wrongPixels], [38, 2, 0], compression);
+    const culled = await tab.judged(`page.chooseStages(["frustum", "zbuffer"]); ${front}`);
+    const { visible, check, triangles } = culled;
+    assert.deepEqual([visible, check.shown, check.wrongPixels, triangles], [2, 2, 0, 24], compression);
+    await save(tab, `wall-${compression}`);
+  }
 }
 
 /** The horizon, and cullers in workers: none hides what is seen, also while the camera moves on. */
@@ -543,6 +568,7 @@ async function phone(tab) {
 try {
   const tests = [
     [files, OFFICE],
+    [compressed, OFFICE],
     [workers, OFFICE],
     [boxes, OFFICE],
     [mirrors, OFFICE],
