@@ -98,7 +98,12 @@ export class Picture {
       this.renderer.initTexture(texture);
     }
     if (loose.length > 0) return;
-    for (const { image } of textures) image?.close?.();
+    for (const { image, source } of textures) {
+      if (!image?.close) continue;
+      image.close();
+      // The material that three.js draws shadows with may ask for a former map once more.
+      source.data = new ImageData(1, 1);
+    }
   }
 
   /** Takes a model, and lets go of the former one. */

@@ -159,6 +159,41 @@ async function compressed(tab) {
   }
 }
 
+/** A model with a picture, whose decoded form is freed, and one without after it: WebGL reports no error. */
+async function textures(tab) {
+  const path = `${pictures}/textured.glb`;
+  for (const picture of [true, false]) {
+    await writeWall(path, { picture });
+    const { message, objects, check } = await tab.openFiles(path).then(() => tab.judged(""));
+    assert.deepEqual([message, objects, check.wrongPixels], ["", 38, 0]);
+    const details = await tab.page.$eval("#details", ({ textContent }) => textContent);
+    assert.equal(/pictures/.test(details), picture, details);
+    const error = await tab.page.evaluate(`document.getElementById("canvas").getContext("webgl2").getError()`);
+    assert.equal(error, 0, `WebGL's error after a model ${picture ? "with" : "without"} a picture`);
+  }
+}
+
+/** Where pictures take long, the page does not wait for those of a check, unless a person asks for it. */
+async function slowPictures(tab) {
+  await tab.act(`page.toggle("measure", true)`);
+  await tab.until("page.state.check !== null");
+  // A new load forgets that a person has asked. Its pictures seem to take 2 seconds.
+  await tab.page.evaluate(`{
+    const status = WebGL2RenderingContext.prototype.getSyncParameter;
+    const begun = new WeakMap();
+    WebGL2RenderingContext.prototype.getSyncParameter = function (sync, name) {
+      if (!begun.has(sync)) begun.set(sync, performance.now());
+      return performance.now() - begun.get(sync) < 2000 ? this.UNSIGNALED : status.call(this, sync, name);
+    };
+  }`);
+  await writeWall(`${pictures}/wall.glb`);
+  await tab.openFiles(`${pictures}/wall.glb`);
+  await tab.until("!page.toggles.measure");
+  assert.equal((await tab.act()).check, null, "nothing is compared");
+  const asked = await tab.judged("");
+  assert.equal(asked.check.wrongPixels, 0, "a check that a person asks for");
+}
+
 /** The horizon, and cullers in workers: none hides what is seen, also while the camera moves on. */
 async function workers(tab) {
   await writeWall(`${pictures}/wall.glb`);
@@ -569,6 +604,8 @@ try {
   const tests = [
     [files, OFFICE],
     [compressed, OFFICE],
+    [textures, OFFICE],
+    [slowPictures, OFFICE],
     [workers, OFFICE],
     [boxes, OFFICE],
     [mirrors, OFFICE],

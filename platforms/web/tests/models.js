@@ -126,6 +126,10 @@ async function draco(json) {
   return [changes, packed];
 }
 
+/** A picture of one pixel. */
+const PIXEL =
+  "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mP8z8BQDwAEhQGAhKmMIQAAAABJRU5ErkJggg==";
+
 /** Ways to compress a wall, by name. Each needs a package of npm that has the name of `ENCODERS`. */
 const COMPRESSIONS = { meshopt, draco };
 export const ENCODERS = { meshopt: "meshoptimizer", draco: "draco3dgltf" };
@@ -133,9 +137,9 @@ export const ENCODERS = { meshopt: "meshoptimizer", draco: "draco3dgltf" };
 /**
  * Writes a model: a wall 20 wide and 10 high at z = 0, `side` times `side` small boxes behind it, and one red
  * box in front. With `instanced` the small boxes are instances of one node. `padding` bytes are added. `compression` is
- * null or `meshopt` or `draco`, for boxes that are not instances.
+ * null or `meshopt` or `draco`, for boxes that are not instances. With `picture` the wall has a texture.
  */
-export async function writeWall(path, { side = 6, instanced = false, padding = 0, compression = null } = {}) {
+export async function writeWall(path, { side = 6, instanced = false, padding = 0, compression = null, picture = false } = {}) {
   const { positions, indices } = box();
   const places = Array.from({ length: side * side }, (_, i) => [
     (8 * (2 * (i % side) - side + 1)) / side,
@@ -191,6 +195,10 @@ export async function writeWall(path, { side = 6, instanced = false, padding = 0
     bufferViews: views,
     buffers: [{ byteLength: binary.length }],
   };
+  if (picture) {
+    Object.assign(json, { images: [{ uri: PIXEL }], textures: [{ source: 0 }] });
+    json.materials[0].pbrMetallicRoughness.baseColorTexture = { index: 0 };
+  }
   const [changes, packed] = compression ? await COMPRESSIONS[compression](json) : [{}, binary];
   const bytes = glb({ ...json, ...changes }, packed);
   await writeFile(path, bytes);
