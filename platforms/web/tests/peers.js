@@ -36,8 +36,9 @@ if (typeof browser === "string") {
   console.error(browser);
   process.exit(77);
 }
-const tiles = makeTiles();
-const server = await serve(0, tiles.files);
+/** A town at the origin, and one on the globe, where single precision has steps of half a metre. */
+const TOWNS = { tiles: makeTiles("/tiles", [0, 0, 0]), globe: makeTiles("/globe", [4e6, 6e5, 4.9e6]) };
+const server = await serve(0, new Map(Object.values(TOWNS).flatMap(({ files }) => [...files])));
 
 /** Opens the page of one library, runs `work` with functions that evaluate in it and save its picture, and expects no complaint. */
 async function open(name, work) {
@@ -68,7 +69,7 @@ async function compare(call, [eye, target], colors = 4) {
 }
 
 /** A walk through a town of tiles: frames while tiles come and go, and pictures once they are there. */
-async function walkThroughTiles(call, save) {
+async function walkThroughTiles(tiles, call, save) {
   await call(`openTiles("${tiles.root}")`);
   const sums = { hidden: 0, objects: 0, drawn: 0, loading: 0 };
   for (const [at, view] of tiles.walk.entries()) {
@@ -89,7 +90,7 @@ async function walkThroughTiles(call, save) {
   const spoiled = await call(`compareWithout("house")`);
   assert.ok(spoiled > 50, `a missing house changes ${spoiled} pixels`);
   const { hidden, objects, drawn } = sums;
-  console.log(`3d-tiles-renderer: ${hidden} of ${objects} meshes hidden, ${drawn} draw calls in ${tiles.walk.length} views`);
+  console.log(`3d-tiles-renderer, ${tiles.root}: ${hidden} of ${objects} meshes hidden, ${drawn} draw calls in ${tiles.walk.length} views`);
   await call("closeTiles()");
 }
 
@@ -111,7 +112,8 @@ async function walkThroughRooms(call, save) {
 }
 
 try {
-  await open("tiles", walkThroughTiles);
+  for (const [name, tiles] of Object.entries(TOWNS))
+    await open(name, (call, save) => walkThroughTiles(tiles, call, save));
   await open("ifc", walkThroughRooms);
 } finally {
   await browser.close();

@@ -49,10 +49,10 @@ function b3dm(content) {
 }
 
 /**
- * Returns the files of a town by their paths, the path of its root, and pairs of eye and target, in the axes of
- * three.js, of a walk through its streets.
+ * Makes a town in a folder of the server, with its middle at `origin`, in the axes of tiles. Returns its files by their
+ * paths, the path of its root, and pairs of eye and target, in the axes of three.js, of a walk through its streets.
  */
-export function makeTiles() {
+export function makeTiles(folder, origin) {
   let state = 7;
   const random = () => (state = (Math.imul(state, 1664525) + 1013904223) >>> 0) / 2 ** 32;
   const between = (a, b) => a + (b - a) * random();
@@ -74,8 +74,8 @@ export function makeTiles() {
     });
     const pack = i % 2 ? b3dm : (content) => content;
     const ending = i % 2 ? "b3dm" : "glb";
-    files.set(`/tiles/${i}.${ending}`, pack(contentOf([ground, house])));
-    files.set(`/tiles/${i}-near.${ending}`, pack(contentOf([ground, house, ...things])));
+    files.set(`${folder}/${i}.${ending}`, pack(contentOf([ground, house])));
+    files.set(`${folder}/${i}-near.${ending}`, pack(contentOf([ground, house, ...things])));
     // Volumes have z upwards.
     const volume = [0, 0, TALLEST / 2, PITCH / 2, 0, 0, 0, PITCH / 2, 0, 0, 0, TALLEST / 2 + 1];
     const boundingVolume = { box: volume };
@@ -91,12 +91,13 @@ export function makeTiles() {
   const half = (SIDE * PITCH) / 2;
   const root = {
     boundingVolume: { box: [0, 0, TALLEST / 2, half, 0, 0, 0, half, 0, 0, 0, TALLEST / 2 + 1] },
+    transform: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, ...origin, 1],
     geometricError: 400,
     refine: "ADD",
     children: blocks,
   };
   const tileset = { asset: { version: "1.0" }, geometricError: 1000, root };
-  files.set("/tiles/tileset.json", Buffer.from(JSON.stringify(tileset)));
+  files.set(`${folder}/tileset.json`, Buffer.from(JSON.stringify(tileset)));
   // Streets are between the blocks.
   const street = PITCH / 2;
   const walk = [
@@ -107,5 +108,7 @@ export function makeTiles() {
     [[-36, 1.7, 12], [-36, 3, -60]],
     [[-36, 30, 12], [20, 0, -60]],
   ];
-  return { files, root: "/tiles/tileset.json", walk };
+  const [x, y, z] = origin;
+  const moved = walk.map((view) => view.map(([right, up, back]) => [right + x, up + z, back - y]));
+  return { files, root: `${folder}/tileset.json`, walk: moved };
 }
