@@ -90,8 +90,8 @@ function prepared(source, names, isMirrored) {
 }
 
 /**
- * Adds the geometry of a shape to a batch. From then on the shape has no copy of it: `positions` are those of the batch,
- * and `indices` makes a list of its own.
+ * Adds the geometry of a shape to a batch. From then on the shape has no copy of it: `positions` are those of the
+ * batch, and `indices` makes a list of its own.
  */
 function addShape(mesh, shape) {
   const id = mesh.addGeometry(shape.geometry);

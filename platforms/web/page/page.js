@@ -359,14 +359,15 @@ function frame(now) {
 }
 
 /**
- * Compares pictures, at most as often as leaves most of the time to other things. Where pictures take long, a check, which
- * waits for four of them, would stop the page: then only if a person asks for it.
+ * Compares pictures, at most as often as leaves most of the time to other things. Where pictures take long, a check,
+ * which waits for four of them, would stop the page: then only if a person asks for it.
  */
 function check(now, camera, seen) {
   if (!isCheckAsked && drawTime.isSlow) {
     toggle("measure", false);
     isCheckSlow = true;
-    panel.say(`A picture takes ${(drawTime.milliseconds / 1000).toFixed(1)} s here: Check compares four all the same`, true);
+    const seconds = (drawTime.milliseconds / 1000).toFixed(1);
+    panel.say(`A picture takes ${seconds} s here: Check compares four all the same`, true);
   }
   if (!isCheckAsked && (drawTime.isSlow || drawTime.milliseconds === null)) return;
   const signature = JSON.stringify([camera, culling.answersUsed, culling.count, culling.chosen, state.scene]);

@@ -92,7 +92,10 @@ export class Workers {
   #answers = [];
   #bake = null;
 
-  /** `objects` is what `Scene.insertAll` takes. `canBake` is whether there is a worker that bakes: it has all occluders, too. */
+  /**
+   * `objects` is what `Scene.insertAll` takes. `canBake` is whether there is a worker that bakes: it has all occluders,
+   * too.
+   */
   constructor(visibility, objects, canBake) {
     this.#visibility = visibility;
     this.canBake = canBake;

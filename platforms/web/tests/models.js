@@ -90,7 +90,8 @@ async function meshopt(json) {
   }));
   const [corner, index] = json.accessors;
   const bounds = { min: [-32767, -32767, -32767], max: [32767, 32767, 32767] };
-  const fallback = { byteLength: 8 * count + 4 * indices.length, extensions: { EXT_meshopt_compression: { fallback: true } } };
+  const byteLength = 8 * count + 4 * indices.length;
+  const fallback = { byteLength, extensions: { EXT_meshopt_compression: { fallback: true } } };
   const used = ["EXT_meshopt_compression", "KHR_mesh_quantization"];
   const changes = {
     extensionsUsed: used,
@@ -118,7 +119,9 @@ async function draco(json) {
   const changes = {
     extensionsUsed: Object.keys(extension),
     extensionsRequired: Object.keys(extension),
-    meshes: json.meshes.map(({ primitives: [primitive] }) => ({ primitives: [{ ...primitive, extensions: extension }] })),
+    meshes: json.meshes.map(({ primitives: [primitive] }) => ({
+      primitives: [{ ...primitive, extensions: extension }],
+    })),
     accessors: json.accessors.slice(0, 2).map(({ bufferView, ...accessor }) => accessor),
     bufferViews: [{ buffer: 0, byteLength: packed.length }],
     buffers: [{ byteLength: packed.length }],
@@ -139,7 +142,8 @@ export const ENCODERS = { meshopt: "meshoptimizer", draco: "draco3dgltf" };
  * box in front. With `instanced` the small boxes are instances of one node. `padding` bytes are added. `compression` is
  * null or `meshopt` or `draco`, for boxes that are not instances. With `picture` the wall has a texture.
  */
-export async function writeWall(path, { side = 6, instanced = false, padding = 0, compression = null, picture = false } = {}) {
+export async function writeWall(path, options = {}) {
+  const { side = 6, instanced = false, padding = 0, compression = null, picture = false } = options;
   const { positions, indices } = box();
   const places = Array.from({ length: side * side }, (_, i) => [
     (8 * (2 * (i % side) - side + 1)) / side,

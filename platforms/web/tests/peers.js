@@ -2,8 +2,8 @@
 // and the rooms of an IFC file. Fails if little is hidden, a pixel is wrong, or something that is left out is not
 // noticed.
 //
-// Usage: node tests/peers.js [FOLDER], a folder for pictures. Ends with status 77 where a browser, three.js, or a library
-// in `tests/peers/node_modules` is missing.
+// Usage: node tests/peers.js [FOLDER], a folder for pictures. Ends with status 77 where a browser, three.js, or a
+// library in `tests/peers/node_modules` is missing.
 
 import assert from "node:assert/strict";
 import { access } from "node:fs/promises";
@@ -40,7 +40,10 @@ if (typeof browser === "string") {
 const TOWNS = { tiles: makeTiles("/tiles", [0, 0, 0]), globe: makeTiles("/globe", [4e6, 6e5, 4.9e6]) };
 const server = await serve(0, new Map(Object.values(TOWNS).flatMap(({ files }) => [...files])));
 
-/** Opens the page of one library, runs `work` with functions that evaluate in it and save its picture, and expects no complaint. */
+/**
+ * Opens the page of one library, runs `work` with functions that evaluate in it and save its picture, and expects no
+ * complaint.
+ */
 async function open(name, work) {
   const page = await browser.newPage();
   const complaints = [];
@@ -90,7 +93,9 @@ async function walkThroughTiles(tiles, call, save) {
   const spoiled = await call(`compareWithout("house")`);
   assert.ok(spoiled > 50, `a missing house changes ${spoiled} pixels`);
   const { hidden, objects, drawn } = sums;
-  console.log(`3d-tiles-renderer, ${tiles.root}: ${hidden} of ${objects} meshes hidden, ${drawn} draw calls in ${tiles.walk.length} views`);
+  console.log(
+    `3d-tiles-renderer, ${tiles.root}: ${hidden} of ${objects} meshes hidden, ${drawn} draw calls in ${tiles.walk.length} views`,
+  );
   await call("closeTiles()");
 }
 

@@ -89,7 +89,13 @@ function draw(spoil = () => {}) {
   renderer.setRenderTarget(null);
   let wrong = 0;
   pixels[0].forEach((pixel, i) => (wrong += Number(pixel !== pixels[1][i])));
-  return { wrong, colors: new Set(pixels[0]).size, allCalls: calls[0], calls: calls[1], stats: { ...culling.stats } };
+  return {
+    wrong,
+    colors: new Set(pixels[0]).size,
+    allCalls: calls[0],
+    calls: calls[1],
+    stats: { ...culling.stats },
+  };
 }
 
 /** Compares the two pictures from an eye, in the frame of the tiles that are there. */
@@ -105,7 +111,10 @@ function compare(eye, target) {
   return { ...found, isLoading };
 }
 
-/** Number of pixels that differ if the nearest mesh in front is left out by mistake as well. `name` begins its name, or is "mesh". */
+/**
+ * Number of pixels that differ if the nearest mesh in front is left out by mistake as well. `name` begins its name, or is
+ * "mesh".
+ */
 function compareWithout(name) {
   const ray = new THREE.Raycaster();
   ray.setFromCamera(new THREE.Vector2(), camera);

@@ -61,7 +61,9 @@ export function writeRooms() {
   const placement = file.add(`IFCLOCALPLACEMENT($,${origin})`);
   const style = ([r, g, b], transparency) => {
     const color = file.add(`IFCCOLOURRGB($,${real(r)},${real(g)},${real(b)})`);
-    const shading = file.add(`IFCSURFACESTYLERENDERING(${color},${real(transparency)},$,$,$,$,$,$,.NOTDEFINED.)`);
+    const shading = file.add(
+      `IFCSURFACESTYLERENDERING(${color},${real(transparency)},$,$,$,$,$,$,.NOTDEFINED.)`,
+    );
     return file.add(`IFCSURFACESTYLE($,.BOTH.,(${shading}))`);
   };
   let parts = 0;
@@ -80,8 +82,10 @@ export function writeRooms() {
   const glass = style([0.6, 0.8, 0.9], 0.7);
   const concrete = style([0.5, 0.5, 0.52], 0);
   const long = ROOMS * SIDE;
-  for (const z of [-THICK, HEIGHT]) part("IFCSLAB", [long / 2, 0, z], [long + THICK, SIDE + THICK, THICK], concrete);
-  for (const side of [-1, 1]) part("IFCWALL", [long / 2, (side * SIDE) / 2, 0], [long + THICK, THICK, HEIGHT], plaster);
+  for (const z of [-THICK, HEIGHT])
+    part("IFCSLAB", [long / 2, 0, z], [long + THICK, SIDE + THICK, THICK], concrete);
+  for (const side of [-1, 1])
+    part("IFCWALL", [long / 2, (side * SIDE) / 2, 0], [long + THICK, THICK, HEIGHT], plaster);
   for (let wall = 0; wall <= ROOMS; wall++) {
     const isGlass = wall === GLASS + 1;
     const look = isGlass ? glass : plaster;

@@ -13,8 +13,12 @@ const AROUND = 12;
 /** Returns a content: boxes with `name`, `place`, half sides `half` and `color`, in the axes of glTF. */
 function contentOf(boxes) {
   const { positions, indices } = box();
-  const parts = [Float32Array.from(positions), Uint16Array.from(indices)].map(({ buffer }) => Buffer.from(buffer));
-  const paint = ({ color }) => ({ pbrMetallicRoughness: { baseColorFactor: [...color, 1], metallicFactor: 0 } });
+  const parts = [Float32Array.from(positions), Uint16Array.from(indices)].map(({ buffer }) =>
+    Buffer.from(buffer),
+  );
+  const paint = ({ color }) => ({
+    pbrMetallicRoughness: { baseColorFactor: [...color, 1], metallicFactor: 0 },
+  });
   const [vertices, triangles] = parts.map(({ length }) => length);
   return glb(
     {
@@ -22,10 +26,19 @@ function contentOf(boxes) {
       scene: 0,
       scenes: [{ nodes: boxes.map((_, i) => i) }],
       nodes: boxes.map(({ name, place, half }, mesh) => ({ name, translation: place, scale: half, mesh })),
-      meshes: boxes.map((_, material) => ({ primitives: [{ attributes: { POSITION: 0 }, indices: 1, material }] })),
+      meshes: boxes.map((_, material) => ({
+        primitives: [{ attributes: { POSITION: 0 }, indices: 1, material }],
+      })),
       materials: boxes.map(paint),
       accessors: [
-        { bufferView: 0, componentType: 5126, count: positions.length / 3, type: "VEC3", min: [-1, -1, -1], max: [1, 1, 1] },
+        {
+          bufferView: 0,
+          componentType: 5126,
+          count: positions.length / 3,
+          type: "VEC3",
+          min: [-1, -1, -1],
+          max: [1, 1, 1],
+        },
         { bufferView: 1, componentType: 5123, count: indices.length, type: "SCALAR" },
       ],
       bufferViews: [
@@ -63,7 +76,12 @@ export function makeTiles(folder, origin) {
     const [x, z] = [(i % SIDE) * PITCH - middle, Math.floor(i / SIDE) * PITCH - middle];
     const height = between(8, TALLEST);
     const house = { name: `house ${i}`, place: [0, height / 2, 0], half: [HOUSE / 2, height / 2, HOUSE / 2] };
-    const ground = { name: `ground ${i}`, place: [0, -0.5, 0], half: [PITCH / 2, 0.5, PITCH / 2], color: [0.4, 0.4, 0.37] };
+    const ground = {
+      name: `ground ${i}`,
+      place: [0, -0.5, 0],
+      half: [PITCH / 2, 0.5, PITCH / 2],
+      color: [0.4, 0.4, 0.37],
+    };
     house.color = [random(), 0.5, random()];
     const things = Array.from({ length: AROUND }, (_, k) => {
       const half = [between(0.2, 0.7), between(0.3, 1), between(0.2, 0.7)];
@@ -101,12 +119,30 @@ export function makeTiles(folder, origin) {
   // Streets are between the blocks.
   const street = PITCH / 2;
   const walk = [
-    [[street, 1.7, 90], [street, 1.7, 0]],
-    [[street, 1.7, 40], [street, 1.7, 0]],
-    [[street, 1.7, 12], [0, 1.7, 12]],
-    [[-2, 1.7, 12], [-40, 4, 12]],
-    [[-36, 1.7, 12], [-36, 3, -60]],
-    [[-36, 30, 12], [20, 0, -60]],
+    [
+      [street, 1.7, 90],
+      [street, 1.7, 0],
+    ],
+    [
+      [street, 1.7, 40],
+      [street, 1.7, 0],
+    ],
+    [
+      [street, 1.7, 12],
+      [0, 1.7, 12],
+    ],
+    [
+      [-2, 1.7, 12],
+      [-40, 4, 12],
+    ],
+    [
+      [-36, 1.7, 12],
+      [-36, 3, -60],
+    ],
+    [
+      [-36, 30, 12],
+      [20, 0, -60],
+    ],
   ];
   const [x, y, z] = origin;
   const moved = walk.map((view) => view.map(([right, up, back]) => [right + x, up + z, back - y]));
