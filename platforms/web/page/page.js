@@ -241,7 +241,8 @@ function toggle(name, on = !toggles[name]) {
   toggles[name] = on;
   if (name === "freeze") frozen = on && state.camera ? { camera: state.camera, bits: culling.bits } : null;
   if (name === "measure") {
-    checked.signature = "";
+    // Who asks for a check gets it at once.
+    Object.assign(checked, { signature: "", at: -Infinity });
     [isCheckAsked, isCheckSlow] = [on, false];
   }
   if (name === "walk" && on && !still && walk) goTo(key);
