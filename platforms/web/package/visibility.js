@@ -102,6 +102,9 @@ export async function load({ simd128 = hasSimd128(), frames = false, wasm } = {}
   return new Visibility(new Wasm(instance.exports), simd128);
 }
 
+/** The first 4 bytes of a module. */
+const MAGIC = [0, 0x61, 0x73, 0x6d].join();
+
 async function instantiate(source) {
   if (source instanceof WebAssembly.Module) return { instance: await WebAssembly.instantiate(source, {}) };
   if (!(source instanceof URL)) return WebAssembly.instantiate(source, {});
@@ -115,7 +118,13 @@ async function instantiate(source) {
   // Compiled while it comes, where the host says what it is.
   if (response.headers?.get("content-type") === "application/wasm" && WebAssembly.instantiateStreaming)
     return WebAssembly.instantiateStreaming(response, {});
-  return WebAssembly.instantiate(await response.arrayBuffer(), {});
+  const bytes = await response.arrayBuffer();
+  // Servers of bundlers send a page where there is no such file.
+  if (new Uint8Array(bytes).subarray(0, 4).join() !== MAGIC)
+    throw new Error(
+      `${source} is no WebAssembly module: a bundler has moved visibility.js away from it (Vite before 8: optimizeDeps.exclude)`,
+    );
+  return WebAssembly.instantiate(bytes, {});
 }
 
 /** The module's functions and its memory, with memory for the arguments of a call. */

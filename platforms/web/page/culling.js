@@ -136,9 +136,6 @@ export class Culling {
       const { scene, ids } = this.#workers;
       await (this.#making.there ??= this.#giveOccluders(scene, ids, this.#there, progress));
     }
-    // What both have is not needed any more, unless for what is seen from a box.
-    if (this.#here.isDone && this.#there.isDone && this.model && !this.canLookFromBox)
-      this.model.shapes = this.model.matrices = [];
   }
 
   /** Gives the objects of a scene the meshes by which they hide others, in slices between frames. */
@@ -175,7 +172,8 @@ export class Culling {
       progress(`Occluders: ${item} of ${ids.length} objects`);
       scene.flush?.();
       await pause();
-      if (this.#destroyed) return;
+      // The model is gone, or others have taken the place of its workers.
+      if (this.#destroyed || (scene !== this.scene && scene !== this.#workers.scene)) return;
       sliced = performance.now();
     }
     if (lists) scene.prepareOccluders();
@@ -187,17 +185,12 @@ export class Culling {
    * Makes the occluder mesh of a shape, or returns null. The library keeps fronts as fronts under a mirroring
    * matrix, the graphics card takes them for backs.
    */
-  #meshOf(scene, { geometry, side }, isMirrored) {
-    const { index, attributes } = geometry;
-    const triangles = index.count / 3;
-    const positions = attributes.position.array;
+  #meshOf(scene, shape, isMirrored) {
+    const { positions, triangles, side } = shape;
     if (triangles === 0 || triangles > MOST_OCCLUDER_TRIANGLES || !positions.every(Number.isFinite))
       return null;
-    let indices = index.array;
-    if ((side === BackSide) !== isMirrored) {
-      indices = indices.slice();
-      turnTriangles(indices);
-    }
+    const indices = shape.indices();
+    if ((side === BackSide) !== isMirrored) turnTriangles(indices);
     return addOccluderMesh(scene, { positions, indices, twoSided: side === DoubleSide });
   }
 
@@ -253,16 +246,16 @@ export class Culling {
     const { shapes, matrices, bounds } = this.model;
     const point = new Vector3();
     return (item) => {
-      const { geometry, side } = shapes[item];
+      const { positions, side } = shapes[item];
       const matrix = matrices[item];
       // Each vertex is rounded at its place.
       const farthest = Math.max(...bounds.subarray(6 * item, 6 * item + 6).map(Math.abs));
       if (!canHide(shapes[item], matrix, bounds, item, VERTEX_ROUNDING * farthest)) return null;
-      const indices = geometry.index.array.slice(0, 3 * Math.floor(geometry.index.count / 3));
+      const indices = shapes[item].indices();
       if ((side === BackSide) !== matrix.determinant() < 0) turnTriangles(indices);
       const triangles = new Float32Array(3 * indices.length);
       indices.forEach((vertex, i) => {
-        point.fromBufferAttribute(geometry.attributes.position, vertex).applyMatrix4(matrix).toArray(triangles, 3 * i);
+        point.fromArray(positions, 3 * vertex).applyMatrix4(matrix).toArray(triangles, 3 * i);
       });
       return triangles.every(Number.isFinite) ? triangles : null;
     };
@@ -297,11 +290,20 @@ export class Culling {
     this.chosen = this.offered.filter((name) => names.includes(name));
     for (const name of this.chosen) stages[name]?.();
     const late = STAGES.filter(({ name, inWorker }) => inWorker && this.chosen.includes(name));
-    if (late.length > 0) this.#workers ??= new Workers(this.visibility, this.objects);
+    const bakes = this.chosen.includes("bake");
+    if (late.length > 0 && (!this.#workers || (bakes && !this.#workers.canBake))) this.#startWorkers(bakes);
     this.#workers?.choose(
       late.map(({ name }) => name),
       { size, near },
     );
+  }
+
+  /** Starts workers in the place of those that there are. They get their occluders by `makeOccluders`. */
+  #startWorkers(bakes) {
+    this.#workers?.destroy();
+    this.#workers = new Workers(this.visibility, this.objects, bakes);
+    this.#there = { made: 0, all: 0, milliseconds: 0, isDone: false };
+    this.#making.there = null;
   }
 
   /** A place or direction of the picture in the scene's own axes. */

@@ -11,6 +11,7 @@ import {
   Color,
   Matrix4,
   MeshStandardMaterial,
+  Sphere,
   Vector3,
   Vector4,
 } from "three";
@@ -51,6 +52,9 @@ export function turnTriangles(indices) {
 /** Attribute of a geometry as 32-bit floats, whatever the file has: quantized, normalized or interleaved. */
 function asFloats(attribute, itemSize, fill) {
   const { count } = attribute;
+  const isPlain = attribute.array instanceof Float32Array && !attribute.isInterleavedBufferAttribute;
+  // A batch copies what it gets: it may be the array of the file.
+  if (isPlain && attribute.itemSize === itemSize && attribute.array.length === count * itemSize) return attribute;
   const array = new Float32Array(count * itemSize).fill(fill);
   const read = Math.min(itemSize, attribute.itemSize);
   for (let k = 0; k < read; k++)
@@ -73,8 +77,9 @@ function prepared(source, names, isMirrored) {
   }
   const count = Math.floor((source.index ?? position).count / 3) * 3;
   const index = new Uint32Array(count);
+  const given = source.index?.array;
   for (let i = 0; i < count; i++) {
-    const vertex = source.index ? source.index.getX(i) : i;
+    const vertex = given ? given[i] : i;
     // A damaged index draws the first vertex: nothing is read out of bounds.
     index[i] = vertex < position.count ? vertex : 0;
   }
@@ -82,6 +87,24 @@ function prepared(source, names, isMirrored) {
   geometry.setIndex(new BufferAttribute(index, 1));
   if (!geometry.attributes.normal) geometry.computeVertexNormals();
   return geometry;
+}
+
+/**
+ * Adds the geometry of a shape to a batch. From then on the shape has no copy of it: `positions` are those of the
+ * batch, and `indices` makes a list of its own.
+ */
+function addShape(mesh, shape) {
+  const id = mesh.addGeometry(shape.geometry);
+  const { vertexStart, vertexCount, indexStart, indexCount } = mesh.getGeometryRangeAt(id);
+  const { attributes, index } = mesh.geometry;
+  const inBatch = index.array.subarray(indexStart, indexStart + indexCount);
+  const indices = () => {
+    const list = new Uint32Array(inBatch);
+    for (let i = 0; i < list.length; i++) list[i] -= vertexStart;
+    return list;
+  };
+  const positions = attributes.position.array.subarray(3 * vertexStart, 3 * (vertexStart + vertexCount));
+  Object.assign(shape, { id, geometry: null, positions, triangles: indexCount / 3, indices });
 }
 
 /** Text that is the same for materials that one batch can draw. Each item has its own colour. */
@@ -181,9 +204,11 @@ function writeBounds(bounds, at, positions, reach, matrix) {
   for (let k = 0; k < 6; k++) bounds[at + k] = box[k] + (k < 3 ? -margin : margin);
 }
 
+const texturesOf = (material) => Object.values(material).filter((value) => value?.isTexture);
+
 /** Frees a material and its textures on the graphics card. */
 function disposeMaterial(material) {
-  for (const value of Object.values(material)) if (value?.isTexture) value.dispose();
+  for (const texture of texturesOf(material)) texture.dispose();
   material.dispose();
 }
 
@@ -196,7 +221,7 @@ class Model {
   names = [];
   /** Box of `loose` in the pose in which the file has them. */
   looseBox = new Box3();
-  /** By item: 6 numbers of its box, number of triangles, and shape and matrix of what it hides with. */
+  /** By item: 6 numbers of its box, number of triangles, and shape and matrix of what it hides with: see `addShape`. */
   bounds = new Float64Array(0);
   triangles = new Uint32Array(0);
   shapes = [];
@@ -216,6 +241,11 @@ class Model {
       if (Number.isFinite(number)) box[k] = k < 3 ? Math.min(box[k], number) : Math.max(box[k], number);
     });
     return box.every(Number.isFinite) ? box : [-1, -1, -1, 1, 1, 1];
+  }
+
+  /** Textures of the batches. */
+  get textures() {
+    return new Set(this.batches.flatMap(({ mesh }) => texturesOf(mesh.material)));
   }
 
   dispose() {
@@ -274,10 +304,7 @@ export async function makeModel(root, progress) {
     }
     if (chunk.length > 0) await addBatch(made, kind, chunk);
   }
-  const textures = new Set(
-    model.batches.flatMap(({ mesh }) => MAPS.map((map) => mesh.material[map])).filter(Boolean),
-  );
-  for (const { image } of textures)
+  for (const { image } of model.textures)
     model.bytes.textures += ((image?.width ?? 0) * (image?.height ?? 0) * 16) / 3;
   return model;
 }
@@ -322,7 +349,7 @@ async function addBatch(made, { material, names }, parts) {
   const color = new Vector4();
   for (const { part, shape } of entries) {
     const { object } = part;
-    if (shape.id < 0) shape.id = mesh.addGeometry(shape.geometry);
+    if (shape.id < 0) addShape(mesh, shape);
     for (let instance = 0; instance < part.count; instance++) {
       const matrix = new Matrix4();
       if (object.isInstancedMesh) object.getMatrixAt(instance, matrix);
@@ -332,16 +359,25 @@ async function addBatch(made, { material, names }, parts) {
       const { r, g, b } = part.material.color ?? white;
       mesh.setColorAt(id, color.set(r, g, b, 1));
       const item = made.item++;
-      writeBounds(model.bounds, 6 * item, shape.geometry.attributes.position.array, shape.reach, matrix);
-      model.triangles[item] = shape.geometry.index.count / 3;
+      writeBounds(model.bounds, 6 * item, shape.positions, shape.reach, matrix);
+      model.triangles[item] = shape.triangles;
       model.names.push(object.name || object.parent?.name || `object ${item}`);
       model.shapes.push(shape);
       model.matrices.push(matrix);
     }
     await slice(made);
   }
+  mesh.boundingSphere = sphereOf(model.bounds.subarray(6 * batch.first, 6 * made.item));
   model.bytes.geometry += vertices * 4 * names.reduce((sum, name) => sum + ATTRIBUTES[name], 0) + 4 * indices;
   model.batches.push(batch);
+}
+
+/** A sphere around boxes, 6 numbers each. three.js would read all vertices for the sphere of a batch. */
+function sphereOf(bounds) {
+  const box = new Box3();
+  for (let at = 0; at < bounds.length; at += 6)
+    for (const corner of [at, at + 3]) box.expandByPoint(new Vector3().fromArray(bounds, corner));
+  return box.getBoundingSphere(new Sphere());
 }
 
 /** The part of a geometry that one of its groups draws. */

@@ -36,3 +36,40 @@ export class Pace {
     this.#intervals = [];
   }
 }
+
+/** Milliseconds until a picture is there from which on it is slow. */
+export const SLOW_PICTURE_MS = 1000;
+
+/** How long the graphics card takes for pictures of a model, without waiting for it. */
+export class DrawTime {
+  /** Milliseconds from the begin of the last picture that was followed to its end; null until one is there. */
+  milliseconds = null;
+  #fence = null;
+  #begun = 0;
+  #isFirst = true;
+
+  /** Follows a picture whose calls have been made since `begun`, unless another is followed. */
+  follow(gl, begun) {
+    if (this.#fence) return;
+    this.#fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    this.#begun = begun;
+    gl.flush();
+  }
+
+  /** Looks whether the picture is there. Whether it tells nothing, so that another must be drawn. */
+  look(gl, now) {
+    if (!this.#fence || gl.getSyncParameter(this.#fence, gl.SYNC_STATUS) !== gl.SIGNALED) return false;
+    gl.deleteSync(this.#fence);
+    this.#fence = null;
+    const milliseconds = now - this.#begun;
+    // Buffers, shaders and shadows come with the first picture.
+    const isLost = this.#isFirst && milliseconds > SLOW_PICTURE_MS;
+    this.#isFirst = false;
+    if (!isLost) this.milliseconds = milliseconds;
+    return isLost;
+  }
+
+  get isSlow() {
+    return this.milliseconds > SLOW_PICTURE_MS;
+  }
+}

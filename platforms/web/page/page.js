@@ -6,8 +6,8 @@ import { Flyer, add } from "./camera.js";
 import { Culling, STAGES } from "./culling.js";
 import { makeModel } from "./items.js";
 import { Judge } from "./judge.js";
-import { ModelError, findModel, loadModel } from "./load.js";
-import { Pace } from "./pace.js";
+import { ModelError, findModel, loadModel, pause } from "./load.js";
+import { DrawTime, Pace } from "./pace.js";
 import { Panel } from "./panel.js";
 import { Picture } from "./picture.js";
 import { saveReport } from "./report.js";
@@ -87,6 +87,10 @@ let stagesAreChosen = false;
 let times = [];
 let quality = 1;
 const pace = new Pace(performance.now());
+let drawTime = new DrawTime();
+/** Whether a person has asked for checks, and whether they ended because pictures take long. */
+let isCheckAsked = false;
+let isCheckSlow = false;
 let checked = { signature: "", at: 0, cost: 0, result: null };
 let drawnSignature = "";
 
@@ -104,6 +108,7 @@ async function tryToShow(name, make) {
   const isCurrent = () => mine === loads;
   const start = performance.now();
   state.loading = true;
+  drawTime = new DrawTime();
   const progress = (text) => isCurrent() && panel.say(text);
   let made;
   try {
@@ -126,6 +131,8 @@ async function tryToShow(name, make) {
   near = made.near;
   frozen = null;
   picture.setModel(made.model);
+  if (isCheckSlow) toggle("measure", true);
+  isCheckAsked = false;
   Object.assign(state, { scene: name, objects: made.model.count, facts: made.facts ?? {} });
   state.allTriangles = made.model.triangles.reduce((sum, count) => sum + count, 0);
   mapHeight = picture.size / 2;
@@ -169,7 +176,9 @@ function openFiles(files, zUp = false) {
     const { root, bytes, cameras } = await loadModel(files, picture.renderer, progress);
     if (zUp) root.rotation.x -= Math.PI / 2;
     const model = await makeModel(root, progress);
+    await picture.takeTextures(model, progress);
     progress("Building the hierarchy");
+    await pause();
     const box = model.box;
     const size = Math.hypot(box[3] - box[0], box[4] - box[1], box[5] - box[2]);
     const tour = walksOf(model.bounds, box);
@@ -231,7 +240,11 @@ function goTo(position) {
 function toggle(name, on = !toggles[name]) {
   toggles[name] = on;
   if (name === "freeze") frozen = on && state.camera ? { camera: state.camera, bits: culling.bits } : null;
-  if (name === "measure") checked.signature = "";
+  if (name === "measure") {
+    // Who asks for a check gets it at once.
+    Object.assign(checked, { signature: "", at: -Infinity });
+    [isCheckAsked, isCheckSlow] = [on, false];
+  }
   if (name === "walk" && on && !still && walk) goTo(key);
   if (name === "region") lookFromBox(on);
   drawnSignature = "";
@@ -310,6 +323,8 @@ function frame(now) {
       picture.size / 100,
       Math.min(4 * picture.size, mapHeight * 0.9 ** flyer.takeWheel()),
     );
+  // Loads leave little time to what is drawn among them.
+  if (!state.loading && drawTime.look(picture.renderer.getContext(), now)) drawnSignature = "";
   const signature = JSON.stringify([
     camera,
     frozen !== null,
@@ -327,6 +342,7 @@ function frame(now) {
     const boxes = toggles.above ? [...culling.bakedBoxes, ...(region ? [region] : [])] : [];
     const options = { culled, above: toggles.above ? mapHeight : 0, ghosts: toggles.ghosts, boxes, region };
     Object.assign(state, picture.draw(camera, bits, options));
+    if (!state.loading) drawTime.follow(picture.renderer.getContext(), now);
     state.seen = bits.seen;
     state.visible = culling.count;
     state.firstPictureMs ??= performance.now();
@@ -343,8 +359,18 @@ function frame(now) {
   panel.show(state, culling, picture.model, visibility);
 }
 
-/** Compares pictures, at most as often as leaves most of the time to other things. */
+/**
+ * Compares pictures, at most as often as leaves most of the time to other things. Where pictures take long, a check,
+ * which waits for four of them, would stop the page: then only if a person asks for it.
+ */
 function check(now, camera, seen) {
+  if (!isCheckAsked && drawTime.isSlow) {
+    toggle("measure", false);
+    isCheckSlow = true;
+    const seconds = (drawTime.milliseconds / 1000).toFixed(1);
+    panel.say(`A picture takes ${seconds} s here: Check compares four all the same`, true);
+  }
+  if (!isCheckAsked && (drawTime.isSlow || drawTime.milliseconds === null)) return;
   const signature = JSON.stringify([camera, culling.answersUsed, culling.count, culling.chosen, state.scene]);
   if (signature === checked.signature || now - checked.at < Math.max(CHECK_MS, 8 * checked.cost)) return;
   const start = performance.now();

@@ -22,6 +22,7 @@ import {
 } from "three";
 import { basisOf } from "./camera.js";
 import { hasItem } from "./items.js";
+import { pause } from "./load.js";
 import { Outlines } from "./outlines.js";
 import { Shade } from "./shade.js";
 
@@ -83,6 +84,26 @@ export class Picture {
     this.overlay = new Scene();
     this.overlay.add(this.lines, this.boxes, this.outlines.lines);
     this.shown = new Uint32Array(0);
+  }
+
+  /**
+   * Gives the textures of a model to the graphics card one by one, so that the page goes on meanwhile. `progress` gets a
+   * line of text. What is decoded is freed then, unless a mesh that is no item may need it.
+   */
+  async takeTextures({ textures, loose }, progress) {
+    let count = 0;
+    for (const texture of textures) {
+      progress(`Pictures: ${++count} of ${textures.size}`);
+      await pause();
+      this.renderer.initTexture(texture);
+    }
+    if (loose.length > 0) return;
+    for (const { image, source } of textures) {
+      if (!image?.close) continue;
+      image.close();
+      // The material that three.js draws shadows with may ask for a former map once more.
+      source.data = new ImageData(1, 1);
+    }
   }
 
   /** Takes a model, and lets go of the former one. */

@@ -92,10 +92,15 @@ export class Workers {
   #answers = [];
   #bake = null;
 
-  /** `objects` is what `Scene.insertAll` takes. */
-  constructor(visibility, objects) {
+  /**
+   * `objects` is what `Scene.insertAll` takes. `canBake` is whether there is a worker that bakes: it has all occluders,
+   * too.
+   */
+  constructor(visibility, objects, canBake) {
     this.#visibility = visibility;
-    this.scene = new LateScene(visibility.createScene(), [startWorker(), startWorker()]);
+    this.canBake = canBake;
+    const workers = canBake ? [startWorker(), startWorker()] : [startWorker()];
+    this.scene = new LateScene(visibility.createScene(), workers);
     this.ids = this.scene.insertAll(objects);
     this.scene.rebuild();
   }

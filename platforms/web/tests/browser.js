@@ -7,7 +7,7 @@
 import assert from "node:assert/strict";
 import { mkdir, readFile, writeFile } from "node:fs/promises";
 import { Tab, launch } from "./chromium.js";
-import { writeElsewhere, writeMirrored, writePoints, writeWall } from "./models.js";
+import { ENCODERS, writeElsewhere, writeMirrored, writePoints, writeWall } from "./models.js";
 import { serve } from "./serve.js";
 
 const [answers, pictures, part] = process.argv.slice(2);
@@ -132,6 +132,66 @@ async function files(tab) {
   assert.deepEqual(rows[0], ["everything", "38"]);
   assert.match(report, />0 of [\d,]+<\/td><td>0<\/td><td>conservative/);
   assert.match(report, /visibility-three/);
+}
+
+/** Compressed files: as many triangles as before, and the same objects are hidden. */
+async function compressed(tab) {
+  const path = `${pictures}/compressed.glb`;
+  for (const [compression, encoder] of Object.entries(ENCODERS)) {
+    const isThere = await import(encoder).then(
+      () => true,
+      () => false,
+    );
+    if (!isThere) {
+      console.error(`${encoder} is not there: test of files compressed by ${compression} skipped`);
+      continue;
+    }
+    await writeWall(path, { compression });
+    const opened = await tab.openFiles(path);
+    assert.deepEqual([opened.message, opened.objects, opened.allTriangles], ["", 38, 38 * 12], compression);
+    const front = `page.lookFrom([0, 3, 25], [0, 3, 0])`;
+    const all = await tab.judged(`page.chooseStages(["frustum"]); ${front}`);
+    assert.deepEqual([all.visible, all.check.shown, all.check.wrongPixels], [38, 2, 0], compression);
+    const culled = await tab.judged(`page.chooseStages(["frustum", "zbuffer"]); ${front}`);
+    const { visible, check, triangles } = culled;
+    assert.deepEqual([visible, check.shown, check.wrongPixels, triangles], [2, 2, 0, 24], compression);
+    await save(tab, `wall-${compression}`);
+  }
+}
+
+/** A model with a picture, whose decoded form is freed, and one without after it: WebGL reports no error. */
+async function textures(tab) {
+  const path = `${pictures}/textured.glb`;
+  for (const picture of [true, false]) {
+    await writeWall(path, { picture });
+    const { message, objects, check } = await tab.openFiles(path).then(() => tab.judged(""));
+    assert.deepEqual([message, objects, check.wrongPixels], ["", 38, 0]);
+    const details = await tab.page.$eval("#details", ({ textContent }) => textContent);
+    assert.equal(/pictures/.test(details), picture, details);
+    const error = await tab.page.evaluate(`document.getElementById("canvas").getContext("webgl2").getError()`);
+    assert.equal(error, 0, `WebGL's error after a model ${picture ? "with" : "without"} a picture`);
+  }
+}
+
+/** Where pictures take long, the page does not wait for those of a check, unless a person asks for it. */
+async function slowPictures(tab) {
+  await tab.act(`page.toggle("measure", true)`);
+  await tab.until("page.state.check !== null");
+  // A new load forgets that a person has asked. Its pictures seem to take 2 seconds.
+  await tab.page.evaluate(`{
+    const status = WebGL2RenderingContext.prototype.getSyncParameter;
+    const begun = new WeakMap();
+    WebGL2RenderingContext.prototype.getSyncParameter = function (sync, name) {
+      if (!begun.has(sync)) begun.set(sync, performance.now());
+      return performance.now() - begun.get(sync) < 2000 ? this.UNSIGNALED : status.call(this, sync, name);
+    };
+  }`);
+  await writeWall(`${pictures}/wall.glb`);
+  await tab.openFiles(`${pictures}/wall.glb`);
+  await tab.until("!page.toggles.measure");
+  assert.equal((await tab.act()).check, null, "nothing is compared");
+  const asked = await tab.judged("");
+  assert.equal(asked.check.wrongPixels, 0, "a check that a person asks for");
 }
 
 /** The horizon, and cullers in workers: none hides what is seen, also while the camera moves on. */
@@ -543,6 +603,9 @@ async function phone(tab) {
 try {
   const tests = [
     [files, OFFICE],
+    [compressed, OFFICE],
+    [textures, OFFICE],
+    [slowPictures, OFFICE],
     [workers, OFFICE],
     [boxes, OFFICE],
     [mirrors, OFFICE],

@@ -16,7 +16,7 @@ function chunk(content, type, filler) {
 }
 
 /** Returns a binary glTF file. */
-function glb(json, binary) {
+export function glb(json, binary) {
   const chunks = [chunk(Buffer.from(JSON.stringify(json)), JSON_CHUNK, 32), chunk(binary, BIN_CHUNK, 0)];
   const head = Buffer.alloc(12);
   head.writeUInt32LE(0x46546c67, 0);
@@ -26,7 +26,7 @@ function glb(json, binary) {
 }
 
 /** Corners, and indices counter-clockwise from outside, of the box from -1 to 1. */
-function box() {
+export function box() {
   const positions = [];
   const indices = [];
   for (let axis = 0; axis < 3; axis++) {
@@ -51,11 +51,99 @@ function box() {
   return { positions, indices };
 }
 
+/** Bytes of a view of memory. */
+const bytesOf = ({ buffer, byteOffset, byteLength }) => Buffer.from(buffer, byteOffset, byteLength);
+
+/** Compresses the box by meshopt, with corners of 16 bits: changes to the JSON of `writeWall`, and the buffer. */
+async function meshopt(json) {
+  const { MeshoptEncoder } = await import("meshoptimizer");
+  await MeshoptEncoder.ready;
+  const { positions, indices } = box();
+  const count = positions.length / 3;
+  // Corners are 4 numbers apart: attributes begin at multiples of 4 bytes.
+  const corners = new Int16Array(4 * count);
+  for (let i = 0; i < count; i++)
+    for (let k = 0; k < 3; k++) corners[4 * i + k] = 32767 * positions[3 * i + k];
+  const parts = [
+    { bytes: MeshoptEncoder.encodeVertexBuffer(bytesOf(corners), count, 8), mode: "ATTRIBUTES", count, byteStride: 8 },
+    {
+      bytes: MeshoptEncoder.encodeIndexBuffer(bytesOf(Uint32Array.from(indices)), indices.length, 4),
+      mode: "TRIANGLES",
+      count: indices.length,
+      byteStride: 4,
+    },
+  ];
+  const packed = Buffer.concat(parts.map(({ bytes }) => bytesOf(bytes)));
+  const views = parts.map(({ bytes, ...part }, i) => ({
+    buffer: 1,
+    byteOffset: i === 0 ? 0 : 8 * count,
+    byteLength: part.count * part.byteStride,
+    ...(part.mode === "ATTRIBUTES" && { byteStride: 8 }),
+    extensions: {
+      EXT_meshopt_compression: {
+        ...part,
+        buffer: 0,
+        byteOffset: i === 0 ? 0 : parts[0].bytes.length,
+        byteLength: bytes.length,
+      },
+    },
+  }));
+  const [corner, index] = json.accessors;
+  const bounds = { min: [-32767, -32767, -32767], max: [32767, 32767, 32767] };
+  const byteLength = 8 * count + 4 * indices.length;
+  const fallback = { byteLength, extensions: { EXT_meshopt_compression: { fallback: true } } };
+  const used = ["EXT_meshopt_compression", "KHR_mesh_quantization"];
+  const changes = {
+    extensionsUsed: used,
+    extensionsRequired: used,
+    accessors: [{ ...corner, componentType: 5122, normalized: true, ...bounds }, index],
+    bufferViews: views,
+    buffers: [{ byteLength: packed.length }, fallback],
+  };
+  return [changes, packed];
+}
+
+/** Compresses the box by Draco: changes to the JSON of `writeWall`, and the buffer. */
+async function draco(json) {
+  const { default: module } = await import("draco3dgltf");
+  const encoders = await module.createEncoderModule();
+  const { positions, indices } = box();
+  const [builder, mesh, encoder] = [new encoders.MeshBuilder(), new encoders.Mesh(), new encoders.Encoder()];
+  builder.AddFacesToMesh(mesh, indices.length / 3, Uint32Array.from(indices));
+  const floats = Float32Array.from(positions);
+  const id = builder.AddFloatAttributeToMesh(mesh, encoders.POSITION, positions.length / 3, 3, floats);
+  const out = new encoders.DracoInt8Array();
+  const length = encoder.EncodeMeshToDracoBuffer(mesh, out);
+  const packed = Buffer.from(Int8Array.from({ length }, (_, i) => out.GetValue(i)).buffer);
+  const extension = { KHR_draco_mesh_compression: { bufferView: 0, attributes: { POSITION: id } } };
+  const changes = {
+    extensionsUsed: Object.keys(extension),
+    extensionsRequired: Object.keys(extension),
+    meshes: json.meshes.map(({ primitives: [primitive] }) => ({
+      primitives: [{ ...primitive, extensions: extension }],
+    })),
+    accessors: json.accessors.slice(0, 2).map(({ bufferView, ...accessor }) => accessor),
+    bufferViews: [{ buffer: 0, byteLength: packed.length }],
+    buffers: [{ byteLength: packed.length }],
+  };
+  return [changes, packed];
+}
+
+/** A picture of one pixel. */
+const PIXEL =
+  "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mP8z8BQDwAEhQGAhKmMIQAAAABJRU5ErkJggg==";
+
+/** Ways to compress a wall, by name. Each needs a package of npm that has the name of `ENCODERS`. */
+const COMPRESSIONS = { meshopt, draco };
+export const ENCODERS = { meshopt: "meshoptimizer", draco: "draco3dgltf" };
+
 /**
  * Writes a model: a wall 20 wide and 10 high at z = 0, `side` times `side` small boxes behind it, and one red
- * box in front. With `instanced` the small boxes are instances of one node. `padding` bytes are added.
+ * box in front. With `instanced` the small boxes are instances of one node. `padding` bytes are added. `compression` is
+ * null or `meshopt` or `draco`, for boxes that are not instances. With `picture` the wall has a texture.
  */
-export async function writeWall(path, { side = 6, instanced = false, padding = 0 } = {}) {
+export async function writeWall(path, options = {}) {
+  const { side = 6, instanced = false, padding = 0, compression = null, picture = false } = options;
   const { positions, indices } = box();
   const places = Array.from({ length: side * side }, (_, i) => [
     (8 * (2 * (i % side) - side + 1)) / side,
@@ -111,7 +199,12 @@ export async function writeWall(path, { side = 6, instanced = false, padding = 0
     bufferViews: views,
     buffers: [{ byteLength: binary.length }],
   };
-  const bytes = glb(json, binary);
+  if (picture) {
+    Object.assign(json, { images: [{ uri: PIXEL }], textures: [{ source: 0 }] });
+    json.materials[0].pbrMetallicRoughness.baseColorTexture = { index: 0 };
+  }
+  const [changes, packed] = compression ? await COMPRESSIONS[compression](json) : [{}, binary];
+  const bytes = glb({ ...json, ...changes }, packed);
   await writeFile(path, bytes);
   return bytes;
 }

@@ -977,3 +977,11 @@ test("the declaration names what there is", async () => {
     assert.deepEqual([...made].sort(), [...(declared[name] ?? [])].sort(), name);
   }
 });
+
+test("what is no module is refused by its address", async () => {
+  for (const text of ["<!doctype html>", ""])
+    await assert.rejects(load({ wasm: new URL(`data:text/html,${text}`) }), /text\/html.* is no WebAssembly module/);
+  const plain = await readFile(new URL("../package/visibility-frames.wasm", import.meta.url));
+  const source = new URL(`data:application/octet-stream;base64,${plain.toString("base64")}`);
+  assert.ok((await load({ wasm: source })).createScene());
+});

@@ -13,15 +13,17 @@ const TYPES = {
 };
 
 /**
- * Starts a server of the page and the package. Port 0 is any free one; the address of the page is returned.
+ * Starts a server of the page and the package. Port 0 is any free one; the address of the page is returned. `files` are
+ * contents by path that it has besides.
  */
-export async function serve(port = 0) {
+export async function serve(port = 0, files = new Map()) {
   const folder = fileURLToPath(new URL("..", import.meta.url));
   const server = createServer(async ({ url }, response) => {
     const path = normalize(new URL(url, "http://localhost").pathname.replace(/\/$/, "/index.html"));
     try {
-      if (!/^\/(page|package|three)\//.test(path)) throw new Error("not a part of the page");
-      const content = await readFile(folder + path);
+      if (!files.has(path) && !/^\/(page|package|three|tests\/peers)\//.test(path))
+        throw new Error("not a part of the page");
+      const content = files.get(path) ?? (await readFile(folder + path));
       response.writeHead(200, { "content-type": TYPES[extname(path)] ?? "text/plain" }).end(content);
     } catch {
       response.writeHead(404).end(`there is no ${path}`);

@@ -1,128 +1,11 @@
 // A street with a wall that hides boxes, as in street.c, sets made ahead of an eye, and who sees whom, by
-// P/Invoke. The library must be where the loader looks: beside the program, or on LD_LIBRARY_PATH (Linux),
-// DYLD_LIBRARY_PATH (macOS), PATH (Windows).
+// the functions of Vis.cs.
 using System;
 using System.Collections.Generic;
-using System.Runtime.InteropServices;
-
-static class Vis
-{
-    const string Library = "visibility";
-
-    [StructLayout(LayoutKind.Sequential)]
-    public struct Box
-    {
-        public float MinX, MinY, MinZ, MaxX, MaxY, MaxZ;
-
-        public Box(float x, float y, float z, float toX, float toY, float toZ)
-        {
-            (MinX, MinY, MinZ, MaxX, MaxY, MaxZ) = (x, y, z, toX, toY, toZ);
-        }
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    public struct ObjectDesc
-    {
-        public Box Bounds;
-        public uint Layers, Cost, Flags;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    public struct Stats
-    {
-        public ulong Nodes, AcceptedSubtrees, Tests, Occluders, Visible;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    public struct OnlineWork
-    {
-        [MarshalAs(UnmanagedType.U1)] public bool Worked;
-        [MarshalAs(UnmanagedType.U1)] public bool Wide;
-        [MarshalAs(UnmanagedType.U1)] public bool Finished;
-        public Stats Stats;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    public struct Wall
-    {
-        public double FromX, FromY, ToX, ToY;
-        public uint Opacity;
-    }
-
-    [StructLayout(LayoutKind.Sequential)]
-    public struct Reach
-    {
-        public double MinX, MinY, MinZ, MaxX, MaxY, MaxZ, Margin;
-    }
-
-    // Flags of objects; combine them with `|`.
-    public const uint NeverCull = 1, Occluder = 2, SeeThrough = 4, OneSided = 8;
-    public const uint DepthReversedInfinite = 5, AbiVersion = 1, Clear = 1;
-    public const int AnswerViewcell = 2;
-
-    [DllImport(Library)] public static extern uint vis_abi_version();
-    [DllImport(Library)] static extern IntPtr vis_last_error();
-    [DllImport(Library)] public static extern ObjectDesc vis_object_default(Box bounds);
-    [DllImport(Library)] public static extern int vis_scene_create(out IntPtr scene);
-    [DllImport(Library)] public static extern void vis_scene_destroy(IntPtr scene);
-    [DllImport(Library)] public static extern int vis_scene_insert_batch(
-        IntPtr scene, ObjectDesc[] objects, UIntPtr count, [Out] ulong[] ids);
-    [DllImport(Library)] public static extern int vis_scene_add_box_mesh(
-        IntPtr scene, ref Box bounds, out ulong mesh);
-    [DllImport(Library)] public static extern int vis_scene_set_mesh(
-        IntPtr scene, ulong id, ulong mesh, float[] transform);
-    [DllImport(Library)] public static extern int vis_scene_rebuild(IntPtr scene);
-    [DllImport(Library)] public static extern int vis_scene_remove(IntPtr scene, ulong id);
-    [DllImport(Library)] public static extern int vis_view_create(out IntPtr view);
-    [DllImport(Library)] public static extern void vis_view_destroy(IntPtr view);
-    [DllImport(Library)] public static extern int vis_view_set_matrix(
-        IntPtr view, float[] matrix, uint depth, double[] origin);
-    [DllImport(Library)] public static extern int vis_pipeline_create(out IntPtr pipeline);
-    [DllImport(Library)] public static extern void vis_pipeline_destroy(IntPtr pipeline);
-    [DllImport(Library)] public static extern int vis_pipeline_add_frustum(IntPtr pipeline);
-    [DllImport(Library)] public static extern int vis_pipeline_add_z_buffer(
-        IntPtr pipeline, UIntPtr width, UIntPtr height);
-    [DllImport(Library)] public static extern int vis_pipeline_cull(
-        IntPtr pipeline, IntPtr scene, IntPtr view, IntPtr visible, out Stats stats);
-    [DllImport(Library)] public static extern int vis_pipeline_stage_stats(
-        IntPtr pipeline, UIntPtr stage, out Stats stats);
-    [DllImport(Library)] public static extern int vis_visible_create(
-        [MarshalAs(UnmanagedType.U1)] bool withChanges, out IntPtr visible);
-    [DllImport(Library)] public static extern void vis_visible_destroy(IntPtr visible);
-    [DllImport(Library)] public static extern int vis_visible_indices(
-        IntPtr visible, IntPtr scene, [Out] uint[] indices, UIntPtr capacity, out UIntPtr count);
-
-    [DllImport(Library)] public static extern int vis_online_create(
-        double[] viewcell, double[] wide, double margin, out IntPtr online);
-    [DllImport(Library)] public static extern void vis_online_destroy(IntPtr online);
-    [DllImport(Library)] public static extern int vis_online_step(
-        IntPtr online, IntPtr scene, double[] places, UIntPtr placeCount, uint budget, out OnlineWork work);
-    [DllImport(Library)] public static extern int vis_online_answer(IntPtr online, out int answer);
-    [DllImport(Library)] public static extern int vis_pipeline_add_online(IntPtr pipeline, IntPtr online);
-    [DllImport(Library)] public static extern int vis_sight_cells_create_of_plan(
-        Wall[] walls, UIntPtr wallCount, uint xAxis, uint yAxis, out IntPtr cells);
-    [DllImport(Library)] public static extern void vis_sight_cells_destroy(IntPtr cells);
-    [DllImport(Library)] public static extern int vis_sight_cells_set_opacity(
-        IntPtr cells, uint wall, uint opacity);
-    [DllImport(Library)] public static extern int vis_who_sees_create(out IntPtr whoSees);
-    [DllImport(Library)] public static extern void vis_who_sees_destroy(IntPtr whoSees);
-    [DllImport(Library)] public static extern int vis_who_sees_look(
-        IntPtr whoSees, IntPtr cells, IntPtr scene, Reach[] observers, UIntPtr observerCount,
-        Reach[] targets, UIntPtr targetCount);
-    [DllImport(Library)] public static extern int vis_who_sees_seen_by(
-        IntPtr whoSees, UIntPtr observer, [Out] uint[] targets, UIntPtr capacity, out UIntPtr count);
-
-    public static void Check(int status)
-    {
-        if (status != 0)
-            throw new InvalidOperationException(
-                $"error {status}: {Marshal.PtrToStringUTF8(vis_last_error())}");
-    }
-}
 
 static class Street
 {
-    static void Expect(string what, ulong found, ulong expected)
+    public static void Expect(string what, ulong found, ulong expected)
     {
         Console.WriteLine($"{what,-22} {found,4}");
         if (found != expected)
@@ -202,6 +85,8 @@ static class Street
         Vis.vis_pipeline_destroy(pipeline);
         Vis.vis_scene_destroy(scene);
         Serve();
+        Drawing.Run();
+        Plans.Run();
     }
 
     static Vis.Wall Wall(double x, double y, double toX, double toY) =>
