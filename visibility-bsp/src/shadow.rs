@@ -284,7 +284,7 @@ impl Shadows {
             if keeps_a != keeps_b {
                 let (inner, outer, ni, no) = if keeps_a { (a, b, na, nb) } else { (b, a, nb, na) };
                 let p = inner + (outer - inner) * ((ni - limit) / (ni - no));
-                let Direction { v, size, .. } = projection.direction(p, 0.0)?;
+                let Direction { v, size, .. } = projection.direction(p, placing_error)?;
                 // The cut's edge begins where the outline leaves the polygon; it is added once all corners
                 // are known.
                 self.corners.push(ShadowCorner { p, v, size, edge: if keeps_a { u8::MAX } else { number } });
@@ -296,8 +296,8 @@ impl Shadows {
             let corners = &self.corners[first_corner..];
             if let Some(out) = corners.iter().position(|c| c.edge == u8::MAX) {
                 let (a, b) = (corners[out].p, corners[(out + 1) % corners.len()].p);
-                // Any plane that divides the vertices will do, so that it has no placing error.
-                let (da, db) = (projection.direction(a, 0.0)?, projection.direction(b, 0.0)?);
+                let (da, db) =
+                    (projection.direction(a, placing_error)?, projection.direction(b, placing_error)?);
                 let line = Line::through(&da, &db)?;
                 let number = (self.edges.len() - first_edge) as u8;
                 cut = Some(self.edges.len());
@@ -486,7 +486,7 @@ mod tests {
     fn a_cut_must_surely_divide_the_vertices() {
         let limit = 2e-4;
         for (placing, gap, is) in
-            [(1e-9, 3.06e-9, false), (1e-9, 3.19e-9, true), (0.0, 88.0 * U, false), (0.0, 102.0 * U, true)]
+            [(1e-9, 3.06e-9, false), (1e-9, 1.3e-8, true), (0.0, 88.0 * U, false), (0.0, 102.0 * U, true)]
         {
             let near = 0.1 + limit - gap;
             let floor =

@@ -377,9 +377,11 @@ impl ClipProjection {
             Eye::Point(eye) => {
                 let distance = normal.dot(eye) + offset;
                 let size = normal.abs().dot(eye.abs()) + offset.abs();
-                distance > 8.0 * U * size + self.eye_error + f64::MIN_POSITIVE
+                // The error once more, so that the true distance is more than half of the computed one: see
+                // `near_unevenness`.
+                distance > 8.0 * U * size + 2.0 * self.eye_error + f64::MIN_POSITIVE
             }
-            Eye::Direction(along) => normal.dot(along) < -(8.0 * U + self.eye_error),
+            Eye::Direction(along) => normal.dot(along) < -(8.0 * U + 2.0 * self.eye_error),
         }
     }
 }

@@ -92,7 +92,7 @@ impl Face {
                 let error = 16.0 * U * size + eye_error;
                 before - clear - error
             }
-            Eye::Direction(along) => -near.normal.dot(*along) - 16.0 * U - eye_error,
+            Eye::Direction(along) => -near.normal.dot(*along) - 16.0 * U - 2.0 * eye_error,
         };
         let [front, rear] = &self.front;
         let (before, behind) = (height(front, rear), height(rear, front));
@@ -399,13 +399,13 @@ mod tests {
                 (face.usable, face.from_front)
             };
             for (share, is) in [(1.01, true), (0.99, false)] {
-                assert_eq!(along(-0.1 * share, 0.1).0, is, "{share} of the slope, two-sided: {two_sided}");
+                assert_eq!(along(-0.2 * share, 0.1).0, is, "{share} of the slope, two-sided: {two_sided}");
                 assert_eq!(
                     along(-16.0 * share * U, 0.0).0,
                     is,
                     "{share} of rounding, two-sided: {two_sided}"
                 );
-                assert_eq!(along(0.1 * share, 0.1), (is && two_sided, !two_sided), "{share} from behind");
+                assert_eq!(along(0.2 * share, 0.1), (is && two_sided, !two_sided), "{share} from behind");
             }
         }
     }

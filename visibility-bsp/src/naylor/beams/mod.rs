@@ -195,8 +195,8 @@ struct Task {
     /// Child that the part enters: 0 behind the line, 1 in front.
     side: u8,
     /// Whether the part lay within the margin of a line of the tree, so that rounding may have put it on the
-    /// wrong side of the line. If true, the part covers nothing. If false, it can cover its area of an open
-    /// leaf.
+    /// wrong side of the line. If true, the part covers nothing and does not count as seen. If false, it can
+    /// cover its area of an open leaf.
     thin: bool,
     /// Index of the part's first corner in `Beams::corners`; the part extends to the end of that stack.
     begin: usize,
@@ -396,10 +396,9 @@ impl Beams {
                     if narrow {
                         self.glimpse.add_part(part, area);
                     }
-                    // A part within the margin of a line is narrower.
-                    if witness.width > MIN_VISIBLE_WIDTH {
+                    if !task.thin && witness.width > MIN_VISIBLE_WIDTH {
                         visibility = Visibility::Seen;
-                    } else if narrow {
+                    } else if narrow && visibility == Visibility::Hidden {
                         visibility = Visibility::Glimpsed;
                     }
                     if witness.width > self.witness.width {
