@@ -193,8 +193,8 @@ impl SourceObject {
         }
     }
 
-    /// Returns whether the object may be a wall of cells, plans and servers, which is always where its triangles are: it
-    /// is opaque, no door, and nothing moves it.
+    /// Returns whether the object may be a wall of cells, plans and servers, which is always where its
+    /// triangles are: it is opaque, no door, and nothing moves it.
     pub fn is_wall(&self) -> bool {
         self.opaque && !self.door && !self.never_cull && self.motion.is_none()
     }

@@ -25,8 +25,8 @@ pub enum Accuracy {
 }
 
 impl Accuracy {
-    /// Returns whether no visible object is ever removed, up to the tolerance that exact cullers and bakes with a
-    /// clearance state: true for exact and conservative.
+    /// Returns whether no visible object is ever removed, up to the tolerance that exact cullers and bakes
+    /// with a clearance state: true for exact and conservative.
     pub const fn never_hides(self) -> bool {
         matches!(self, Self::Exact | Self::Conservative)
     }

@@ -219,8 +219,7 @@ fn split_group(cells: &CellBoxes) -> (&CellBoxes, Aabb, &CellBoxes) {
     let (mut all, mut sum, mut count) = (Aabb::EMPTY, 0.0, 0);
     for (_, bounds) in cells.iter().take(GROUP) {
         let (more, filled) = (all.union(bounds), sum + volume(bounds));
-        // Never of the first box, which fills its own volume.
-        if volume(&more) > 3.0 * filled {
+        if count > 0 && volume(&more) > 3.0 * filled {
             break;
         }
         (all, sum, count) = (more, filled, count + 1);

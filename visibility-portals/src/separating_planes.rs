@@ -18,8 +18,8 @@
 //!
 //! By rounding, `f` may seem to grow and still fall by the noise from A to B, and as much again on each such
 //! length beyond. But a line keeps more than half the clearance from the edges of A and B, by which `f` grows
-//! in the plane of A: at the share of `1 / t` of that way or more. A plane so steep, with so great a `t`, that
-//! this is not several times the noise is not used.
+//! in the plane of A: at the share of `1 / t` of that way or more. A plane so steep, with so great a `t`,
+//! that this is not several times the noise is not used.
 
 use crate::directed_portals::Margins;
 use alloc::vec::Vec;

@@ -415,7 +415,8 @@ fn target(pointer: &str) -> String {
     parts.collect::<Vec<_>>().join("/")
 }
 
-/// Returns the beginning of a pointer that names a node or a mesh, whatever of it is animated; other pointers whole.
+/// Returns the beginning of a pointer that names a node or a mesh, whatever of it is animated; other pointers
+/// whole.
 fn item(pointer: &str) -> &str {
     let end = pointer.match_indices('/').nth(2).map_or(pointer.len(), |(end, _)| end);
     let is_item = pointer.starts_with("/nodes/") || pointer.starts_with("/meshes/");

@@ -319,8 +319,8 @@ impl Collector<'_> {
                 hint.iter().chain(&self.hints[node.index()]).for_each(|&hint| object.take(hint));
                 self.move_object(node, primitive, instance, &mut object);
                 if one_sided && is_flat(&(self.nodes.worlds[node.index()] * *instance)) {
-                    // Which side of a flattened surface is its front depends on a renderer's rounding: it may be seen
-                    // from either, and hides nothing.
+                    // Which side of a flattened surface is its front depends on a renderer's rounding: it may
+                    // be seen from either, and hides nothing.
                     object = SourceObject { opaque: false, see_through: true, one_sided: false, ..object };
                 }
                 self.objects.push(object);

@@ -65,7 +65,8 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
     Ok(SourceCells { graph, viewcells, names, depth: 0.0, with_doorways: None })
 }
 
-/// Returns the triangles of a scene's walls in f64, without degenerate ones, and for each triangle whether it is drawn only from its front.
+/// Returns the triangles of a scene's walls in f64, without degenerate ones, and for each triangle whether it
+/// is drawn only from its front.
 pub fn polygons(source: &SceneSource) -> (Vec<ConvexPolygon>, Vec<bool>) {
     let opaque = source.objects.iter().filter(|object| object.is_wall());
     let polygon = |triangle: [Vec3; 3]| ConvexPolygon::new(triangle.map(|p| p.as_dvec3())).ok();

@@ -7,8 +7,9 @@ use std::collections::BTreeSet;
 /// Number of triangles of a box's surface.
 const FACES: usize = 12;
 
-/// Returns the boxes among the triangles of a scene's walls, as minimum and maximum corner in world space. A box is only found if twelve consecutive triangles of one object are its whole
-/// surface. The triangles of a one-sided object must face outwards.
+/// Returns the boxes among the triangles of a scene's walls, as minimum and maximum corner in world space. A
+/// box is only found if twelve consecutive triangles of one object are its whole surface. The triangles of a
+/// one-sided object must face outwards.
 pub fn boxes(source: &SceneSource) -> Vec<[DVec3; 2]> {
     let mut found = Vec::new();
     for object in source.objects.iter().filter(|object| object.is_wall()) {

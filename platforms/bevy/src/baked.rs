@@ -309,8 +309,8 @@ type Touched = Or<(
 )>;
 
 /// Finds the entities that are at their baked positions. Prepares the set for the scene again if there are
-/// new ones, or if the scene's change log no longer reaches back. `last` is the shared data of the level of the
-/// last frame.
+/// new ones, or if the scene's change log no longer reaches back. `last` is the shared data of the level of
+/// the last frame.
 pub(crate) fn follow_level(
     level: Option<ResMut<BakedLevel>>,
     mut last: Local<Option<Arc<Mutex<Sets>>>>,

@@ -96,8 +96,8 @@ pub(crate) struct Toggled {
 }
 
 impl Toggled {
-    /// Adds observers for disabling components of the world that are not watched yet. Returns whether entities may have
-    /// been disabled or enabled unseen.
+    /// Adds observers for disabling components of the world that are not watched yet. Returns whether
+    /// entities may have been disabled or enabled unseen.
     fn watch(&mut self, filters: &DefaultQueryFilters, commands: &mut Commands) -> bool {
         let was_new = std::mem::take(&mut self.is_new);
         for id in filters.disabling_ids() {

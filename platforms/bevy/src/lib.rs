@@ -35,15 +35,15 @@
 //! ```
 //!
 //! # What is the same as in bevy, and what is not
-//! Entities are culled by the axis-aligned world box around their turned local box. bevy tests the turned
-//! box itself, and a [`Sphere`](bevy_camera::primitives::Sphere) where there is no box, so a turned box or a
-//! sphere at the border of a view may be visible here and hidden in bevy. A mesh with a `Sphere` alone is never
-//! culled. A mesh that is a light too is
-//! culled by the box around both, and never if it is a `RectLight` or a `DirectionalLight`. Entities wholly
-//! nearer than the near plane, or wholly beyond the far plane of an orthographic camera, are hidden here and
-//! may be visible in bevy, which leaves them to the graphics card. All else is the same:
-//! `InheritedVisibility`, `RenderLayers`, `VisibilityRange`, `NoFrustumCulling`, `NoCpuCulling`, several
-//! cameras, and the shadow views of directional, point and spot lights.
+//! Entities are culled by the axis-aligned world box around their turned local box. bevy tests the turned box
+//! itself, and a [`Sphere`](bevy_camera::primitives::Sphere) where there is no box, so a turned box or a
+//! sphere at the border of a view may be visible here and hidden in bevy. A mesh with a `Sphere` alone is
+//! never culled. A mesh that is a light too is culled by the box around both, and never if it is a
+//! `RectLight` or a `DirectionalLight`. Entities wholly nearer than the near plane, or wholly beyond the far
+//! plane of an orthographic camera, are hidden here and may be visible in bevy, which leaves them to the
+//! graphics card. All else is the same: `InheritedVisibility`, `RenderLayers`, `VisibilityRange`,
+//! `NoFrustumCulling`, `NoCpuCulling`, several cameras, and the shadow views of directional, point and spot
+//! lights.
 //!
 //! # What must hold of occluders
 //! An entity with an [`Occluder`] must be drawn opaque and cover at least what its occluder covers. See
@@ -119,7 +119,8 @@ impl Plugin for VisibilityCullingPlugin {
             );
     }
 
-    /// Removes the systems of bevy that this plugin replaces. Runs after all plugins have added their systems.
+    /// Removes the systems of bevy that this plugin replaces. Runs after all plugins have added their
+    /// systems.
     fn finish(&self, app: &mut App) {
         let policy = ScheduleCleanupPolicy::RemoveSystemsOnly;
         // An error means that there is no such system, so nothing has to be removed.

@@ -1,5 +1,5 @@
-//! Test that the declarations of the C# samples are those of the header: functions by their parameters and results,
-//! structures by the types of their fields.
+//! Test that the declarations of the C# samples are those of the header: functions by their parameters and
+//! results, structures by the types of their fields.
 
 const HEADER: &str = include_str!("../include/visibility.h");
 const SHARP: &str = include_str!("../samples/csharp/Vis.cs");

@@ -17,8 +17,8 @@ use wgpu::BufferUsages;
 
 /// Greatest number of groups of 64 objects in a row of a dispatch.
 const ROW: u32 = 65_535;
-/// Coordinate from which on a box is never culled: products of greater ones could overflow, which no shader has to
-/// notice.
+/// Coordinate from which on a box is never culled: products of greater ones could overflow, which no shader
+/// has to notice.
 const LARGEST: f32 = 1e15;
 
 /// Culls and draws in two phases, for pictures of one target.
@@ -46,7 +46,8 @@ impl TwoPhaseCuller {
     /// default, above 5.5 million objects.
     pub fn new(gpu: &Gpu, scene: &Scene, meshes: &Meshes, painter: &Painter, target: &Target) -> Self {
         let count = scene.index_limit();
-        // Shaders may take it that no number is infinite or NaN: empty bounds are those of a box turned inside out.
+        // Shaders may take it that no number is infinite or NaN: empty bounds are those of a box turned
+        // inside out.
         let never_culled = Aabb { min: Vec3::ONE, max: Vec3::NEG_ONE };
         let mut boxes = vec![never_culled; count];
         for id in scene.ids() {

@@ -50,9 +50,9 @@ impl Scene {
         (DVec3::from_array(point) - self.scene.origin()).as_vec3()
     }
 
-    /// Returns the triangles of a solid box, and whether it may hide: its corners are rounded inwards, so that it hides
-    /// no more than the box as given. A box within which there is no number of `f32` is drawn with sides rounded to the
-    /// nearest, and hides nothing. `None` for a box that is turned inside out.
+    /// Returns the triangles of a solid box, and whether it may hide: its corners are rounded inwards, so
+    /// that it hides no more than the box as given. A box within which there is no number of `f32` is drawn
+    /// with sides rounded to the nearest, and hides nothing. `None` for a box that is turned inside out.
     pub(crate) fn box_triangles(&self, [a, b, c, d, e, f]: [f64; 6]) -> Option<(Vec<Triangle>, bool)> {
         let origin = self.scene.origin().to_array();
         let sides = [(a, d), (b, e), (c, f)];

@@ -233,9 +233,9 @@ impl Scene {
     /// float64, from the box to the object.
     ///
     /// region: (2, 3) float64. clearance: in metres; what is seen only through gaps narrower than 12
-    /// clearances, or at grazing angles, may count as hidden. 0 for none, which takes longer and leaves more undecided. Hidden is
-    /// proven for the triangles as rounded to single precision. Objects without triangles are judged by their
-    /// boxes.
+    /// clearances, or at grazing angles, may count as hidden. 0 for none, which takes longer and leaves more
+    /// undecided. Hidden is proven for the triangles as rounded to single precision. Objects without
+    /// triangles are judged by their boxes.
     #[pyo3(signature = (region, *, clearance=1e-4))]
     fn prove_from_region<'py>(
         &self,

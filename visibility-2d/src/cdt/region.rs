@@ -222,8 +222,8 @@ impl Plan {
             Place::Vertex(h) => self.fan(h).for_each(|h| add(h, answer)),
             Place::Outside => {}
         }
-        // The overlapped triangles are connected through edges, because the hull is convex. One without area may pass
-        // through a vertex, and touches all triangles around it.
+        // The overlapped triangles are connected through edges, because the hull is convex. One without area
+        // may pass through a vertex, and touches all triangles around it.
         let mut index = 0;
         while index < answer.triangles.len() {
             let first = 3 * answer.triangles[index];

@@ -10,8 +10,8 @@ use smallvec::SmallVec;
 /// Greatest number of children of an inner node of the tree of discs.
 pub(crate) const FAN: usize = 8;
 
-/// Maximum number of discs that may overlap a given disc, and of nodes searched for them. Beyond either, the disc hides
-/// nothing.
+/// Maximum number of discs that may overlap a given disc, and of nodes searched for them. Beyond either, the
+/// disc hides nothing.
 const MAX_OVERLAPPING: usize = 8192;
 const MAX_NODES: usize = 8192;
 

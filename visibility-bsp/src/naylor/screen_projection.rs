@@ -54,7 +54,8 @@ const CLIP_WIDTH: f64 = 4.0;
 impl ScreenProjection {
     /// Builds the projection for points within `bounds`, in metres relative to `Scene::origin`. `None` if NDC
     /// positions, as they are or as an eye sees them that is off by its error, are not known to within
-    /// [`MAX_NDC_ERROR`], because the coordinates are too large or the near plane too close, or if `bounds` is infinite.
+    /// [`MAX_NDC_ERROR`], because the coordinates are too large or the near plane too close, or if `bounds`
+    /// is infinite.
     pub(super) fn new(view: &View, scene: &Scene, bounds: &Aabb) -> Option<Self> {
         // With `u = 2^-53`: clip-space `x`, `y` and `w` are sums of four products, each sum rounded by at
         // most `5 u` times the sum `m` of the products' magnitudes. The matrix is rounded once, and a vertex

@@ -23,9 +23,9 @@ use visibility_core::{
 /// [`sync`](Self::sync), or given by the caller to [`set`](Self::set). An object without a cone, or changed
 /// since its cone was made, counts as visible.
 ///
-/// Triangles are where the scene [has](visibility_core::scene::SharedTriangles) them in `f32`. What an engine draws in
-/// more digits may show its front to an eye nearer to its plane than that rounding: 0.2 m at a million metres from the
-/// origin, so choose an origin nearby.
+/// Triangles are where the scene [has](visibility_core::scene::SharedTriangles) them in `f32`. What an engine
+/// draws in more digits may show its front to an eye nearer to its plane than that rounding: 0.2 m at a
+/// million metres from the origin, so choose an origin nearby.
 ///
 /// A culler belongs to one scene. Used with another scene, a clone included, it drops all cones and hides
 /// nothing until the cones are built anew.

@@ -117,8 +117,8 @@ struct Shared {
 ///
 /// # Errors
 /// [`GeometryError::Coordinate`] or [`GeometryError::NotAxial`] with the index of the wall,
-/// [`GeometryError::Setting`] with the name of the setting, or of the greatest coordinate if it is above 1e76, or
-/// [`GeometryError::Graph`].
+/// [`GeometryError::Setting`] with the name of the setting, or of the greatest coordinate if it is above
+/// 1e76, or [`GeometryError::Graph`].
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
@@ -435,8 +435,8 @@ const THINNEST: f64 = 2e-14;
 /// Least width of a portal in world units: squares of its area do not underflow.
 const SMALLEST: f64 = 1e-70;
 
-/// Returns a rectangle perpendicular to `axis` as a polygon whose normal points along the axis. One that is too thin
-/// or too small for a polygon is widened.
+/// Returns a rectangle perpendicular to `axis` as a polygon whose normal points along the axis. One that is
+/// too thin or too small for a polygon is widened.
 fn rectangle_polygon(axis: usize, rectangle: &Box3) -> Option<ConvexPolygon> {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let mut rectangle = *rectangle;

@@ -84,7 +84,8 @@ impl From<CellGraphError> for GeometryError {
     }
 }
 
-/// Greatest coordinate. The squared area of a portal between greater ones would overflow, and the portal be no polygon.
+/// Greatest coordinate. The squared area of a portal between greater ones would overflow, and the portal be
+/// no polygon.
 const MAX_COORDINATE: f64 = 1e76;
 
 /// Checks the greatest absolute coordinate of cells.
