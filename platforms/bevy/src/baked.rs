@@ -358,7 +358,7 @@ pub(crate) fn follow_level(
     if !lost.is_empty() {
         // bevy draws them no more.
         let is_lost = |mesh: Option<Ref<Mesh3d>>| mesh.is_some_and(|mesh| lost.contains(&mesh.id()));
-        for (entity, ..) in all.iter().filter(|(.., mesh)| is_lost(mesh.clone())) {
+        for (entity, ..) in all.iter().filter(|(.., mesh)| is_lost(*mesh)) {
             is_stale |= level.set_changed(entity);
         }
     }
