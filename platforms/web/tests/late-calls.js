@@ -304,7 +304,7 @@ test("the page bakes boxes anew for occluders that have come since", () => {
     }
   };
   const bounds = [WALL, cube(9, 10)].flatMap(({ min, max }) => [...min, ...max]);
-  const workers = new Workers(visibility, { bounds, flags: [Flag.Occluder, 0] });
+  const workers = new Workers(visibility, { bounds, flags: [Flag.Occluder, 0] }, true);
   delete globalThis.Worker;
   workers.choose(["bake"], { size: 60, near: 0.01 });
   const [wall, lamp] = workers.ids;
