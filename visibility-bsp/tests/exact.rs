@@ -552,3 +552,26 @@ fn an_object_far_away_that_has_gone_hides_nothing_nearby() {
         });
     }
 }
+
+/// A sheared parallel camera, whose image is known to 5e-9 and whose direction is not: which of two walls comes
+/// first is decided by a plane almost along the rays, on the wrong side of which the computed direction is.
+#[test]
+fn an_eye_less_certain_than_the_image_hides_nothing() {
+    let (large, unit) = (f64::from(1 << 27), 1.0 / 1024.0);
+    let rows = DMat4::from_cols_array_2d(&[
+        [large + 1.0, large, large, 0.0],
+        [large, large + 1.0, large, 0.0],
+        [0.0, 0.0, 50.0, 0.5],
+        [0.0, 0.0, 0.0, 1.0],
+    ]);
+    let view = View::from_clip_from_world(rows.transpose(), Depth::ZeroToOne).unwrap();
+    let triangle = |corners: [[f64; 3]; 3]| corners.map(|p| (DVec3::from(p) * unit).as_vec3());
+    let sliver = 0.5_f64.powi(28);
+    let mut scene = Scene::new();
+    add(&mut scene, &[triangle([[-1.0, 1.0, -sliver], [1.0, -1.0, sliver], [-0.5, 0.0, 0.5]])], false);
+    add(&mut scene, &[triangle([[-0.5, -2.0, 3.0], [-0.5, -2.0, 2.0], [-0.5, -0.25, 0.75]])], true);
+    let near =
+        add(&mut scene, &[triangle([[0.25, -0.5, 0.25], [0.5, -0.5, 0.0], [0.25, -0.25, 0.0]])], false);
+    let found = reported(&mut NaylorCuller::new(SceneTree::new(&scene).unwrap()), &scene, &view);
+    assert!(found.contains(&(near.index() as u32)), "what is in front of all: {found:?}");
+}
