@@ -10,8 +10,10 @@ use bevy_camera::visibility::{
     InheritedVisibility, NoCpuCulling, NoFrustumCulling, RenderLayers, ViewVisibility, VisibilityClass,
     VisibilityRange,
 };
+use bevy_ecs::archetype::Archetypes;
 use bevy_ecs::change_detection::{ContiguousRef, Tick};
 use bevy_ecs::component::ComponentId;
+use bevy_ecs::entity::Entities;
 use bevy_ecs::entity_disabling::DefaultQueryFilters;
 use bevy_ecs::lifecycle::RemovedComponents;
 use bevy_ecs::prelude::*;
@@ -114,6 +116,14 @@ impl Toggled {
         }
         was_new || self.is_new
     }
+
+    /// Returns whether an entity is disabled. Queries that were made before a disabling component was registered, as those
+    /// of this schedule may be, do not leave out its entities.
+    fn is_disabled(&self, entity: Entity, entities: &Entities, archetypes: &Archetypes) -> bool {
+        let Ok(Some(location)) = entities.get(entity) else { return true };
+        let archetype = archetypes.get(location.archetype_id);
+        archetype.is_none_or(|archetype| self.watched.iter().any(|&id| archetype.contains(id)))
+    }
 }
 
 /// Rare components whose addition affects the scene.
@@ -195,11 +205,14 @@ pub(crate) fn sync_scene(
     meshes: Res<Assets<Mesh>>,
     disabling: Option<Res<DefaultQueryFilters>>,
     mut commands: Commands,
+    (entities, archetypes): (&Entities, &Archetypes),
 ) {
     let (mirror, lists) = (&mut *mirror, &mut *lists);
     removals.for_each(|entity| lists.touched.push(entity));
     if disabling.is_some_and(|disabling| toggled.watch(&disabling, &mut commands)) {
-        lists.touched.extend(mirror.entities().filter(|&entity| described.get(entity).is_err()));
+        let is_gone =
+            |entity| described.get(entity).is_err() || toggled.is_disabled(entity, entities, archetypes);
+        lists.touched.extend(mirror.entities().filter(|&entity| is_gone(entity)));
         lists.touched.extend(every.iter().filter(|&entity| mirror.object(entity).is_none()));
     }
     lists.touched.append(&mut toggled.entities);
@@ -230,8 +243,8 @@ pub(crate) fn sync_scene(
     lists.touched.dedup();
     for entity in lists.touched.drain(..) {
         match described.get(entity) {
-            Ok(item) => mirror.describe(item, &meshes),
-            Err(_) => mirror.remove(entity),
+            Ok(item) if !toggled.is_disabled(entity, entities, archetypes) => mirror.describe(item, &meshes),
+            _ => mirror.remove(entity),
         }
     }
     mirror.insert_fresh();
