@@ -553,8 +553,9 @@ fn an_object_far_away_that_has_gone_hides_nothing_nearby() {
     }
 }
 
-/// A sheared parallel camera, whose image is known to 5e-9 and whose direction is not: which of two walls comes
-/// first is decided by a plane almost along the rays, on the wrong side of which the computed direction is.
+/// A sheared parallel camera, whose image is known to 5e-9 and whose direction is not: which of two walls
+/// comes first is decided by a plane almost along the rays, on the wrong side of which the computed direction
+/// is.
 #[test]
 fn an_eye_less_certain_than_the_image_hides_nothing() {
     let (large, unit) = (f64::from(1 << 27), 1.0 / 1024.0);

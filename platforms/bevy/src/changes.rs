@@ -117,8 +117,8 @@ impl Toggled {
         was_new || self.is_new
     }
 
-    /// Returns whether an entity is disabled. Queries that were made before a disabling component was registered, as those
-    /// of this schedule may be, do not leave out its entities.
+    /// Returns whether an entity is disabled. Queries that were made before a disabling component was
+    /// registered, as those of this schedule may be, do not leave out its entities.
     fn is_disabled(&self, entity: Entity, entities: &Entities, archetypes: &Archetypes) -> bool {
         let Ok(Some(location)) = entities.get(entity) else { return true };
         let archetype = archetypes.get(location.archetype_id);

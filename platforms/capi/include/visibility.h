@@ -1324,8 +1324,9 @@ enum vis_status vis_scene_seen_from(const struct vis_scene *scene,
 // the object is proven hidden from all points of the box. Neither is set for objects that are not decided.
 // An object that is never culled is never hidden. An object without triangles is its bounds: no line of
 // sight to it is found, and it hides nothing. With a `clearance` of 0, an object is hidden if every segment
-// to it touches an occluder; with a clearance in metres, also if it is seen only through gaps narrower than 12
-// clearances, or at grazing angles. Hidden objects are so for views that draw the layers of all occluders.
+// to it touches an occluder; with a clearance in metres, also if it is seen only through gaps narrower than
+// 12 clearances, or at grazing angles. Hidden objects are so for views that draw the layers of all
+// occluders.
 //
 // The search ends after `most_steps` steps; 0 for no end, which may take minutes. A step is a search node of
 // some microseconds, or at most 200 rays. Each call first collects all triangles of the scene, which
