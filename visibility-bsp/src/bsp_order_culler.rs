@@ -109,7 +109,7 @@ impl<S: Borrow<SceneTree>> Culler for BspOrderCuller<S> {
             ranks[id.index()] = NOT_MET;
             left += 1;
         }
-        // What is seen of a polygon may be beside all of its fragments, by the rounding of cuts.
+        // The visible part of a polygon may lie beside all of its fragments, since cut points are rounded.
         let volume = ViewVolume::new(view, scene, shared.tree().cut_error());
         let mut frame = Frame { volume, ranks, met: 0, left, most: *most, stats: CullStats::default() };
         shared.tree().walk(view.eye(scene.origin()), stack, &mut frame);

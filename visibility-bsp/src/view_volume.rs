@@ -22,10 +22,11 @@ pub(crate) struct ViewVolume {
 impl ViewVolume {
     /// Builds the volume of `view`, widened by `margin` metres, in metres relative to `scene.origin()`.
     ///
-    /// Normals are off by up to `3 u` of each component, up to a common factor: by the sum of two rows, the
-    /// scale and the division by the length. Of a point on the exact plane, let `s` be the sum of the terms'
-    /// magnitudes without the offset. The products are rounded by `u s` and the partial sums by `u s` and `u`
-    /// of the offset. So the `6 u` of [`Plane::error_bound`] cover the `5 u s` of normals and arithmetic.
+    /// Normals are off by up to `4 u` of each component beside a common factor, as
+    /// [`ViewPlane`](visibility_core::view::ViewPlane) states. For a point on the exact plane, let `s` be the
+    /// sum of the terms' magnitudes without the offset. The products are rounded by `u s` and the partial
+    /// sums by `u s` and `u` of the offset. So the `6 u` of [`Plane::error_bound`] cover normals and
+    /// arithmetic.
     pub(crate) fn new(view: &View, scene: &Scene, margin: f64) -> Self {
         let sides = view.planes(scene.origin());
         let mut volume =

@@ -2,7 +2,7 @@
 //! `IntGrid` cells with a value other than 0 are walls. Coordinates are pixels of the world, with y
 //! downwards.
 //!
-//! Of a project with levels at several depths, the levels at the depth of the first level are read. Only the
+//! If a project has levels at several depths, the levels at the depth of the first level are read. Only the
 //! few fields that matter are read, which all versions since 1.0 have. Format: "LDtk JSON format", ldtk.io.
 
 use super::plan_file::{PlanFile, Problem};

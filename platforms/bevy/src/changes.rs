@@ -210,9 +210,8 @@ pub(crate) fn sync_scene(
     let (mirror, lists) = (&mut *mirror, &mut *lists);
     removals.for_each(|entity| lists.touched.push(entity));
     if disabling.is_some_and(|disabling| toggled.watch(&disabling, &mut commands)) {
-        let is_gone =
-            |entity| described.get(entity).is_err() || toggled.is_disabled(entity, entities, archetypes);
-        lists.touched.extend(mirror.entities().filter(|&entity| is_gone(entity)));
+        let is_disabled = |entity: &Entity| toggled.is_disabled(*entity, entities, archetypes);
+        lists.touched.extend(mirror.entities().filter(is_disabled));
         lists.touched.extend(every.iter().filter(|&entity| mirror.object(entity).is_none()));
     }
     lists.touched.append(&mut toggled.entities);

@@ -457,9 +457,9 @@ export interface Scene extends Handle {
    * all occluders. Objects with neither bit are not decided, and count as visible. An object that is never culled is
    * never hidden. An object without triangles is its box: no ray sees it, and it hides nothing. With a `clearance` of
    * 0, the default, no visible object is proven hidden; with one in metres also what is seen only through gaps narrower
-   * than 12 clearances, or at grazing angles, is. The search ends after `mostSteps` steps; 0, the default, for no end, which may take minutes.
-   * A step is a search node of some microseconds, or at most 200 rays. Each call first collects all triangles, about
-   * 150 bytes of memory each, which `mostSteps` does not bound.
+   * than 12 clearances, or at grazing angles, is. The search ends after `mostSteps` steps; 0, the default, for no end,
+   * which may take minutes. A step is a search node of some microseconds, or at most 200 rays. Each call first collects
+   * all triangles, about 150 bytes of memory each, which `mostSteps` does not bound.
    */
   proveFrom(box: Box, options?: { clearance?: number; mostSteps?: number }): { seen: Uint32Array; hidden: Uint32Array };
   /**

@@ -469,7 +469,7 @@ for (const simd128 of [false, true]) {
     // Cubes of 1 m, 10 and 40 m ahead, and one that fades from 30 to 50 m.
     const cube = (x, y) => [x, y, 0, x + 1, y + 1, 1];
     const [near, far, fading] = scene.insertAll({ bounds: [cube(10, 1), cube(40, 1), cube(40, -2)].flat() });
-    // Of a picture of 1000 rows, sqrt(3) m are 1.73 / 10 * SCALE * 500 = 159 pixels at 10 m, and 40 pixels at 40 m.
+    // In a picture of 1000 rows, a sphere sqrt(3) m wide has 1.73 / 10 * SCALE * 500 = 159 pixels at 10 m, 40 at 40 m.
     scene.setLodSizes([near, far], [100, 50]);
     scene.setDrawRange(fading, 0, 50, 20);
     const [view, visible] = [visibility.createView(), visibility.createVisible()];

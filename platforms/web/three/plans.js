@@ -88,12 +88,14 @@ function spriteBox({ center, matrixWorld }, { min, max }) {
 function boxOf(object) {
   updateWorld(object);
   const box = new Box3();
+  const read = new Set();
   object.traverse((part) => {
     // A batch that was disposed of is not drawn.
     if (!part.geometry || isElsewhere(part) || (part.isBatchedMesh && !hasInstances(part))) return;
     for (const bone of part.skeleton?.bones ?? []) if (bone) updateUpwards(bone);
     // `Box3.setFromObject` takes the box of vertices, bones and instances as they were when it was first asked for.
-    part.geometry.computeBoundingBox();
+    if (!read.has(part.geometry)) part.geometry.computeBoundingBox();
+    read.add(part.geometry);
     const own = part.boundingBox === undefined ? part.geometry : part;
     if (own === part) part.computeBoundingBox();
     if (part.isSprite) box.union(spriteBox(part, own.boundingBox));

@@ -7,8 +7,8 @@ import { Depth, VisibilityError } from "visibility-web";
 const MOST_CLIP_PLANES = 10;
 
 /**
- * Share by which near and far plane are moved apart. Graphics cards clip by depths in single precision, each rounded four
- * times by 2^-24 of it.
+ * Share by which near and far plane are moved apart. Graphics cards clip by depths in single precision, each rounded
+ * four times by 2^-24 of it.
  */
 const DEPTH_MARGIN = 2 ** -21;
 
@@ -26,11 +26,12 @@ export function setView(view, camera, origin, clippingPlanes) {
   const clip = Float64Array.from(matrix.elements);
   for (let row = 0; row < 4; row++) clip[12 + row] += clip[row] * x + clip[4 + row] * y + clip[8 + row] * z;
   const isZeroToOne = camera.coordinateSystem === WebGPUCoordinateSystem;
-  const depth = isZeroToOne || camera.reversedDepth ? Depth.ZeroToOne : Depth.NegativeOneToOne;
-  // Depths move towards their middle: that of 0 and w, or of -w and w.
-  const middle = depth === Depth.ZeroToOne ? 1 : 0;
+  const unreversed = isZeroToOne ? Depth.ZeroToOne : Depth.NegativeOneToOne;
+  const depth = camera.reversedDepth ? Depth.Reversed : unreversed;
+  // Depths move towards their middle: that of -w and w, or of 0 and w.
+  const middle = depth === Depth.NegativeOneToOne ? 0 : 1;
   for (let i = 2; i < 16; i += 4) clip[i] += DEPTH_MARGIN * (middle * clip[i + 1] - 2 * clip[i]);
-  const how = ["setMatrix", clip, camera.reversedDepth ? Depth.Reversed : depth];
+  const how = ["setMatrix", clip, depth];
   try {
     view.setMatrix(...how.slice(1));
     const planes = clippingPlanes.map(({ normal: n, constant }) => [

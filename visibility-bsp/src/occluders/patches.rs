@@ -212,7 +212,8 @@ mod tests {
             for count in [2, 3, 4, 5, 6] {
                 let triangles: Vec<_> = (0..count).map(triangle).collect();
                 let outlines = join(&triangles);
-                // Of more than a half turn that is not closed, no convex polygon holds all.
+                // Triangles that turn by more than a half around the point fill no convex polygon until the
+                // fan is closed.
                 let whole = count <= 3 || count == 6;
                 assert_eq!(outlines.len() == 1, whole, "{count} triangles from {first}: {outlines:?}");
                 if count == 6 {

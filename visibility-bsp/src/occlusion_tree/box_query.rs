@@ -405,7 +405,7 @@ mod tests {
         let bounds = Aabb::from_arrays([-0.3, -0.1, 3.0], [0.1, 0.1, 4.0]);
         for (known_at, eye_error) in [(0.15, 0.01), (0.0, 0.16)] {
             let projection = ClipProjection::along_z(0.15, known_at, eye_error, 0.0);
-            // Of the box, the right side alone is beyond this plane.
+            // Only the right side of the box is beyond this plane.
             let mut nodes = tree([1.0, 0.0, 0.0155], 0.0, [OUTSIDE, VISIBLE]);
             nodes.root = 0;
             assert_ne!(nodes.test(&projection, &bounds), Occlusion::Hidden, "eye known to {eye_error}");

@@ -23,7 +23,8 @@ const NEAR: u8 = 4;
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct ViewPlane {
     /// The plane, with a unit normal that points into the view. Each component of the normal has a relative
-    /// error of at most `8 * f64::EPSILON`.
+    /// error of at most `2 * f64::EPSILON` beside a factor that is common to all, and with that factor of at
+    /// most `8 * f64::EPSILON`.
     pub plane: Plane,
     /// Bound on the absolute error of the plane's offset, in metres.
     pub error: f64,
@@ -103,6 +104,8 @@ impl ViewPlanes {
         let scale = plane.normal.abs().max_element();
         let (n, offset) = (plane.normal / scale, plane.offset / scale);
         let moved = Plane::new(n, n.x * shift.x + n.y * shift.y + n.z * shift.z + offset);
+        // The components of the normal are rounded by the sum of two rows, by the scale and by the division
+        // by the length, whose error they share.
         let Some(unit) = moved.normalized() else { return };
         // The shift is rounded once, and so are normal and offset by scaling. Then each product and partial
         // sum rounds once more, as in `Plane::error_bound`, and the division by the length rounds all: 8u of
