@@ -25,7 +25,7 @@ use visibility_core::pvs::{
 };
 use visibility_core::{Aabb, Object, ObjectId, Scene, level_version};
 
-const FORMAT: Format = Format { magic: *b"VISI-SET", version: 9 };
+const FORMAT: Format = Format { magic: *b"VISI-SET", version: 10 };
 
 /// Exclusive upper limit of the object indices that the classes can store.
 const INDEX_LIMIT: usize = 1 << 29;

@@ -158,7 +158,7 @@ impl DegreeSampler {
                         Sampled::Unknown => return None,
                     };
                     let id = scene.id_at(index as usize)?;
-                    let (triangles, object) = (scene.triangles(id).ok()?, scene.object(id).ok()?);
+                    let (triangles, (object, _)) = (scene.triangles(id).ok()?, level_object(scene, id)?);
                     Some(DrawnObject { key: at, triangles, see_through, one_sided: object.one_sided })
                 });
                 if self.buffer.draw(&view, scene.origin(), drawn).is_err() {

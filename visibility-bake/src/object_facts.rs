@@ -37,11 +37,17 @@ impl ObjectFacts {
     ) -> Self {
         let Object { bounds: given, layers, cost, never_cull, occluder, one_sided, see_through } = *object;
         let hash = object_hash(object, triangles, mesh);
-        let content = Aabb::from_points(triangles.iter().flatten().filter(|p| p.is_finite()));
-        let content =
-            mesh.map_or(content, |(mesh, transform)| content.union(&mesh.placed_bounds(&transform)));
-        let is_enlarged = given.is_finite() && holds_nearly(&given, &content);
-        let bounds = if is_enlarged { given.union(&content) } else { given };
+        let corners = || triangles.iter().flatten().filter(|corner| corner.is_finite());
+        let mesh_box = || mesh.map_or(Aabb::EMPTY, |(mesh, transform)| mesh.placed_bounds(&transform));
+        // A mesh that reaches out of the bounds by more than rounding is not used. Triangles always are.
+        let bounds = if given.is_finite() {
+            let with_triangles = given.union(&Aabb::from_points(corners()));
+            Some(mesh_box())
+                .filter(|mesh| holds_nearly(&given, mesh))
+                .map_or(with_triangles, |mesh| with_triangles.union(&mesh))
+        } else {
+            given
+        };
         let triangles = triangles.len() as u32;
         Self {
             bounds,
@@ -95,4 +101,36 @@ pub(crate) fn bounds_fingerprint(origin: DVec3, objects: impl IntoIterator<Item 
         hash.with(index).with_vec3(bounds.min).with_vec3(bounds.max)
     };
     objects.into_iter().fold(Fingerprint::new().with_dvec3(origin), with).value()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::{DAffine3, DMat3, Vec3};
+    use visibility_core::scene::SharedTriangles;
+
+    /// A face in the plane y = 0, turned into it by a transform: its rounded corners are some micrometres before
+    /// the flat box that was given, and far before it as seen from a box without thickness.
+    #[test]
+    fn bounds_hold_triangles_that_reach_out_by_the_rounding_of_their_transform() {
+        let (cosine, sine) = (13.0 / 493.0f64.sqrt(), 18.0 / 493.0f64.sqrt());
+        let columns = [DVec3::new(cosine, -sine, 0.0), DVec3::new(sine, cosine, 0.0), DVec3::Z];
+        let turn = DAffine3::from_mat3(DMat3::from_cols(columns[0], columns[1], columns[2]));
+        let far = Vec3::new(130.0, 180.0, 0.0);
+        let face = SharedTriangles::from([[Vec3::ZERO, far, far + Vec3::Z * 30.0]]).placed(turn);
+        let given = Aabb::from_arrays([0.0; 3], [222.04, 0.0, 30.0]);
+        let mut scene = Scene::new();
+        let id = scene.insert(given);
+        scene.set_triangles(id, face).unwrap();
+        let facts = ObjectFacts::of(&scene, id).unwrap();
+        assert_eq!(facts.given, given, "the bounds that were given");
+        for corner in scene.triangles(id).unwrap().iter().flatten() {
+            assert!(facts.bounds.contains_point(corner), "{:?} does not hold {corner}", facts.bounds);
+        }
+        // A part of the level takes the same triangles, with these bounds.
+        let mut part = Scene::new();
+        let copy = part.insert(facts.enlarged_object());
+        let corners: Vec<[Vec3; 3]> = scene.triangles(id).unwrap().iter().collect();
+        assert_eq!(part.set_triangles(copy, corners), Ok(()), "the triangles of a part");
+    }
 }

@@ -3,11 +3,11 @@
 use miniz_oxide::deflate::compress_to_vec;
 use miniz_oxide::inflate::decompress_to_vec;
 use visibility_bake::{BakedSet, BakedSetError, DegreeSampler};
-use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::glam::{DAffine3, DVec3, Vec3};
 use visibility_core::pvs::{
     Pvs, PvsCuller, PvsTargets, SampledDegree, SampledDegrees, Viewcell, ViewcellId, Viewcells,
 };
-use visibility_core::scene::Triangle;
+use visibility_core::scene::{SharedTriangles, Triangle};
 use visibility_core::{Aabb, Accuracy, Culler, Object, Scene};
 use visibility_testing::{Random, mend_header};
 
@@ -293,4 +293,22 @@ fn forged_degrees_are_refused() {
         let expected = given.map(|given| if given == Partly { Widely } else { given });
         assert_eq!(found, expected, "{cell:?}, class {class}: a greater degree counts with the lesser ones");
     }
+}
+
+/// A one-sided leaf that a transform flattens may show either side: it counts as seen from both, and hides
+/// nothing.
+#[test]
+fn leaves_of_uncertain_fronts_are_seen_from_both_sides() {
+    let leaf = SharedTriangles::from(&upright(0.0, [-1.0; 2], [1.0; 2])[..]);
+    let place =
+        |x: f64| DAffine3::from_translation(DVec3::X * x) * DAffine3::from_scale(DVec3::new(0.0, 1.0, 1.0));
+    let mut scene = Scene::new();
+    for (x, turned) in [(5.0, false), (6.0, true)] {
+        let bounds = Aabb::from_arrays([x, -1.0, -1.0], [x, 1.0, 1.0]);
+        let id = scene.insert(Object { occluder: true, one_sided: true, ..Object::new(bounds) });
+        let turn = DAffine3::from_rotation_z(if turned { std::f64::consts::PI } else { 0.0 });
+        scene.set_triangles(id, leaf.placed(place(f64::from(x)) * turn)).unwrap();
+    }
+    let degrees = DegreeSampler::new(4).unwrap().sample(&scene, &cell(), &[0, 1], |_| false);
+    assert_eq!(degrees, [Widely; 2], "the leaf before, and the one behind it");
 }

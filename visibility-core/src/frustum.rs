@@ -123,7 +123,7 @@ pub struct ConvexVolume {
 
 impl ConvexVolume {
     /// Builds the intersection of the half-spaces on the positive side of the planes, each moved outwards by
-    /// its error bound. Planes after the first [`MAX_PLANES`] are ignored, which makes the volume larger.
+    /// its error bound. Normals have unit length, up to rounding. Planes after the first [`MAX_PLANES`] are ignored, which makes the volume larger.
     /// Without planes the volume is all of space.
     pub fn new(simd: Simd, view_planes: &[ViewPlane]) -> Self {
         let mut volume = Self {

@@ -160,3 +160,15 @@ fn skins_that_cannot_be_are_errors_or_never_culled() {
     let id = scene.insert(skin.bounds(&[Affine3A::IDENTITY; 2]));
     assert!(scene.set_bounds(id, none.bounds(&pose)).is_ok(), "a box that bounds nothing is accepted");
 }
+
+/// Processors that take numbers below the least normal one for zero: a weight times an element of a matrix is
+/// lost before a great coordinate multiplies it.
+#[test]
+fn blended_matrices_that_underflow_stay_within_the_bounds() {
+    let position = [1e30, 0.0, 0.0];
+    let bounds = SkinnedBounds::new(&[position], &[[0, 1]], &[[0.5, 0.5]]).unwrap();
+    let matrix = Affine3A::from_scale(Vec3::splat(2e-38));
+    let bounds = bounds.bounds(&[matrix, matrix]);
+    assert!(bounds.contains_point(Vec3::ZERO), "half of 2e-38 may count as 0: {bounds:?}");
+    assert!(bounds.contains_point(Vec3::X * 2e-8), "the exact place: {bounds:?}");
+}

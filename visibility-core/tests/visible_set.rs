@@ -678,3 +678,19 @@ fn fingerprints_include_objects_that_are_never_culled() {
     assert_ne!(one.1, two.1, "sets with and without the object");
     assert_eq!(one.1, three.1, "equal sets");
 }
+
+/// Sets that were finished before the layout changed keep what they hold, so different ones have different
+/// fingerprints.
+#[test]
+fn fingerprints_of_finished_sets_of_an_older_layout_differ() {
+    let mut scene = Scene::new();
+    let ids = scene.insert_batch([1.0, 2.0].map(|x| at(x, 0.0, 0.0)));
+    let [mut both, mut one] = [VisibleSet::new(), VisibleSet::new()];
+    both.keep_in_order(&scene, &ids);
+    one.keep_in_order(&scene, &ids[..1]);
+    both.finish(&scene);
+    one.finish(&scene);
+    scene.insert(at(3.0, 0.0, 0.0));
+    assert_ne!(both.fingerprint(&scene), one.fingerprint(&scene), "sets of two and of one object");
+    assert_eq!(both.fingerprint(&scene), both.clone().fingerprint(&scene), "a set and its clone");
+}

@@ -24,7 +24,8 @@ pub enum Effort {
     Share(f64),
     /// Rays, then proofs. An object that is neither seen nor proven hidden stays. The number is the clearance
     /// in metres: an object is removed if every segment to it comes closer to some occluder than six times
-    /// the clearance. Exact up to this distance. With a clearance of 0, conservative: an object is removed if
+    /// the clearance, or begins less than the clearance over the plane that it ends in. Exact up to these
+    /// distances. With a clearance of 0, conservative: an object is removed if
     /// every segment to the inside of any of its triangles touches an occluder on the way.
     Exact(f64),
 }

@@ -8,9 +8,9 @@
 //! With a clearance c > 0, each face of the target is first moved towards the viewcell by c and shrunk by at
 //! most 2 c, so that occluders that touch the target along an edge do not touch Q. Take a segment to a point
 //! of the target from a viewpoint at least c over the target's plane: a neighbouring segment ends at a point
-//! of Q and is at most sqrt(5) c away everywhere. A target is not decided if some viewpoint is over its
-//! plane, but none by more than c. If only some viewpoints are lower than c, segments from these, at grazing
-//! angles, are not asked about.
+//! of Q and is at most sqrt(5) c away everywhere. A target is not decided if some viewpoint is more than c / 16
+//! over its plane, but none by more than c; up to c / 16, which covers errors of heights, it is hidden. If
+//! only some viewpoints are lower than c, segments from these, at grazing angles, are not asked about.
 
 use crate::half::Half;
 use crate::polygon::Polygon;
@@ -192,7 +192,8 @@ fn faces(min: DVec3, max: DVec3) -> impl Iterator<Item = (Polygon, Half)> {
 
 /// Returns the pairs of a viewcell polygon and a target polygon between which all segments in question run.
 /// Cuts leave a margin of `pad` metres. Empty if the target cannot be seen or has no area. `None` if some
-/// viewpoints are over the plane of one of the target's faces, but none by more than the clearance.
+/// viewpoints are over the plane of one of the target's faces by more than a sixteenth of the clearance, but
+/// none by more than the clearance.
 pub(crate) fn sights(
     triangles: &SceneTriangles,
     cell: &CellBox,

@@ -69,11 +69,11 @@ macro_rules! compiled {
 
                     match self.level() {
                         // SAFETY: a `Simd` of this level exists only where the processor was found to have
-                        // AVX2.
+                        // all that `avx2` enables.
                         #[cfg(all(target_arch = "x86_64", feature = "std"))]
                         SimdLevel::Avx2 => unsafe { avx2($($argument),*) },
                         // SAFETY: a `Simd` of this level exists only where the processor was found to have
-                        // AVX-512.
+                        // all that `avx512` enables.
                         #[cfg(all(target_arch = "x86_64", feature = "std"))]
                         SimdLevel::Avx512 => unsafe { avx512($($argument),*) },
                         _ => $body($($argument),*),

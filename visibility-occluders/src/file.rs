@@ -133,7 +133,7 @@ impl LevelOccluders {
     /// checked, at the caller's risk: occluders of another level hide visible objects.
     ///
     /// All numbers are checked, so that any bytes that pass the checks can be drawn without panic. Memory is
-    /// at most about four times the number of bytes.
+    /// at most about four times the number of bytes, and three times that while it reads.
     ///
     /// # Errors
     /// [`LevelFileError::Format`] if the bytes are damaged or are not such a file.
@@ -317,5 +317,8 @@ fn read_clusters(mut numbers: &[u8], vertices: &[Vec3], shapes: &[u64]) -> Read 
     if first_vertex as usize != vertices.len() || shapes.next().is_some() {
         return Err("vertices or polygons are left that no cluster has");
     }
+    edges.shrink_to_fit();
+    polygons.shrink_to_fit();
+    clusters.shrink_to_fit();
     Ok((edges, polygons, clusters))
 }

@@ -270,10 +270,10 @@ impl LevelOccluders {
             triangles
                 .extend(own.iter().map(|corners| LevelTriangle { corners, two_sided: !object.one_sided }));
             objects.push(id);
-            if !layers.contains(&object.layers) {
-                layers.push(object.layers);
-            }
+            layers.push(object.layers);
         }
+        layers.sort_unstable();
+        layers.dedup();
         let made = Self::new(&triangles, settings)?.with_version(level_version(scene));
         Ok(Self { made_of: hash_of(&objects), objects, layers, ..made })
     }

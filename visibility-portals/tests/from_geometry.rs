@@ -486,3 +486,35 @@ fn odd_input_gives_an_error_or_an_answer() {
         cells.graph.portals().len()
     );
 }
+
+/// A wall with a slot of a metre, given relative to an origin far away: the slot stays open if the origin is
+/// told, and may be narrower than the default tolerance otherwise.
+#[test]
+fn slots_far_from_the_worlds_zero_stay_open_if_the_origin_is_told() {
+    for (away, is_open_untold) in [(0.0, true), (6.4e6, false)] {
+        let origin = DVec3::new(away, 0.0, -away);
+        let wall = |[low, high]: [f64; 2]| {
+            let corner = |[y, z]: [f64; 2]| origin + DVec3::new(5.0, y, z);
+            ConvexPolygon::new([[low, -9.0], [high, -9.0], [high, 9.0], [low, 9.0]].map(corner)).unwrap()
+        };
+        let soup = [wall([-9.0, 0.0]), wall([1.0, 9.0])];
+        let slot = origin + DVec3::new(5.0, 0.5, 0.0);
+        let is_open = |settings: &PolygonSettings<'_>| {
+            let made = from_polygons(&soup, settings).unwrap();
+            made.graph.portals().iter().any(|portal| {
+                let vertices = portal.polygon().vertices();
+                let ends = vertices.iter().zip(vertices.iter().cycle().skip(1));
+                let sides = ends.map(|(&a, &b)| (b - a).cross(slot - a).x);
+                let (least, most) = sides.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
+                least > 0.0 || most < 0.0
+            })
+        };
+        let settings = PolygonSettings::default();
+        assert!(is_open(&settings.with_origin(origin)), "{away} m away, with the origin");
+        assert_eq!(is_open(&settings), is_open_untold, "{away} m away, without the origin");
+    }
+    let soup = [ConvexPolygon::new([DVec3::ZERO, DVec3::X, DVec3::Y]).unwrap()];
+    let made = from_polygons(&soup, &PolygonSettings::default().with_origin(DVec3::NAN));
+    let is_refused = matches!(made, Err(GeometryError::Setting { what: "the origin", .. }));
+    assert!(is_refused, "an origin that is not a point");
+}

@@ -185,7 +185,12 @@ fn shrunk_scene(
     let mut index = alloc::vec![0; scene.index_limit()];
     (0..).zip(&ids).for_each(|(number, id)| index[id.index()] = number);
     let copy = |&id: &ObjectId| match scene.object(id) {
-        Ok(object) => Object { occluder: false, layers: u32::MAX, ..object },
+        Ok(object) => Object {
+            bounds: scene.bounds(id).unwrap_or(object.bounds),
+            occluder: false,
+            layers: u32::MAX,
+            ..object
+        },
         Err(_) => Object::new(Aabb::EMPTY),
     };
     let mut shrunk = Scene::new();

@@ -210,7 +210,14 @@ fn cells_of_a_scene_hide_what_is_behind_its_walls() {
 /// equal up to the last bits of an `f32`.
 #[test]
 fn cells_of_a_scene_leave_slots_open_that_f32_would_close() {
+    // Far from the zero point of the world, nothing but the scene's origin is large.
+    [0.0, 6.4e6].into_iter().for_each(cells_leave_a_slot_open);
+}
+
+fn cells_leave_a_slot_open(away: f64) {
     let scene = make(vis_scene_create);
+    // SAFETY: the scene is live, and the point has three numbers.
+    ok(unsafe { vis_scene_set_origin(scene, [away, 0.0, 0.0].as_ptr()) });
     let lamp_box = vis_box { min: [9.5, 0.25, -0.25], max: [10.5, 0.75, 0.25] };
     let lamp_desc = vis_object_default(lamp_box);
     let mut lamp = VIS_NO_OBJECT;
@@ -254,8 +261,69 @@ fn cells_of_a_scene_leave_slots_open_that_f32_would_close() {
         ok(vis_cells_create_of_scene(scene, 0, &raw mut cells, null_mut()));
         ok(vis_pipeline_add_portals(pipeline, cells));
     }
-    let view = look_from([0.0, 0.5, 0.0], 0.0);
-    assert!(sees(pipeline, scene, view, lamp), "a lamp behind a slot of a metre");
-    let aside = look_from([0.0, -50.0, 0.0], 1.37);
-    assert!(!sees(pipeline, scene, aside, lamp), "a lamp behind the first wall");
+    let view = look_from([away, 0.5, 0.0], 0.0);
+    assert!(sees(pipeline, scene, view, lamp), "a lamp behind a slot of a metre, {away} m away");
+    let aside = look_from([away, -50.0, 0.0], 1.37);
+    assert!(!sees(pipeline, scene, aside, lamp), "a lamp behind the first wall, {away} m away");
+}
+
+/// Two sheets that are drawn from the side of greater x alone, the first placed by a transform that mirrors it.
+/// From behind both, a lamp beyond them is seen.
+#[test]
+fn cells_of_a_scene_know_the_fronts_of_mirrored_sheets() {
+    let scene = make(vis_scene_create);
+    let lamp_box = vis_box { min: [14.0, -1.0, -1.0], max: [16.0, 1.0, 1.0] };
+    let lamp_desc = vis_object_default(lamp_box);
+    let mut lamp = VIS_NO_OBJECT;
+    // SAFETY: the scene is live.
+    ok(unsafe { vis_scene_insert(scene, &raw const lamp_desc, &raw mut lamp) });
+    let mirror: [f32; 16] =
+        [-1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -5.0, 0.0, 0.0, 1.0];
+    let shift: [f32; 16] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 5.0, 0.0, 0.0, 1.0];
+    let sheet: [f32; 12] = [0.0, -100.0, -100.0, 0.0, 100.0, -100.0, 0.0, 100.0, 100.0, 0.0, -100.0, 100.0];
+    let hall: Vec<f32> = (0..8)
+        .flat_map(|i| {
+            [(1, 20.0), (2, 100.0), (4, 100.0)].map(|(axis, far)| if i & axis == 0 { -far } else { far })
+        })
+        .collect();
+    for (corners, indices, x, transform, is_two_sided) in [
+        (&sheet[..], &[0u32, 2, 1, 0, 3, 2][..], [-5.0, -5.0], &mirror, false),
+        (&sheet, &[0, 1, 2, 0, 2, 3], [5.0, 5.0], &shift, false),
+        (
+            &hall,
+            &CUBOID,
+            [-20.0, 20.0],
+            &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+            true,
+        ),
+    ] {
+        let bounds = vis_box { min: [x[0], -100.0, -100.0], max: [x[1], 100.0, 100.0] };
+        let desc = vis_object_desc { flags: VIS_OBJECT_OCCLUDER, ..vis_object_default(bounds) };
+        let (mut wall, mut mesh) = (VIS_NO_OBJECT, 0);
+        let (vertex_count, triangle_count) = (corners.len() / 3, indices.len() / 3);
+        // SAFETY: handles are live, and lists are as long as said.
+        unsafe {
+            ok(vis_scene_insert(scene, &raw const desc, &raw mut wall));
+            ok(vis_scene_add_mesh(
+                scene,
+                corners.as_ptr(),
+                vertex_count,
+                indices.as_ptr(),
+                triangle_count,
+                is_two_sided,
+                &raw mut mesh,
+            ));
+            ok(vis_scene_set_mesh(scene, wall, mesh, transform.as_ptr()));
+        }
+    }
+    let (mut cells, pipeline) = (null_mut(), make(vis_pipeline_create));
+    // SAFETY: handles are live.
+    unsafe {
+        ok(vis_cells_create_of_scene(scene, 0, &raw mut cells, null_mut()));
+        ok(vis_pipeline_add_portals(pipeline, cells));
+    }
+    assert!(
+        sees(pipeline, scene, look_from([-15.0, 0.0, 0.0], 0.0), lamp),
+        "a lamp behind the backs of two sheets"
+    );
 }

@@ -77,6 +77,7 @@ impl Cells {
                 }
             }
             let settings = PolygonSettings::default().with_max_cells(max_cells).with_one_sided(&one_sided);
+            let settings = settings.with_origin(scene.origin());
             let Subdivision { graph, viewcells, .. } =
                 from_polygons(&polygons, &settings).map_err(|error| refused("scene", error))?;
             let corners = polygons.iter().flat_map(ConvexPolygon::vertices);

@@ -167,7 +167,8 @@ impl Scene {
     }
 
     /// Makes cells and portals of the triangles of the occluders: space is divided along large walls, and
-    /// every gap between triangles becomes an open portal. For cull, in buildings.
+    /// every gap between triangles becomes an open portal, unless it is narrower than 2^-20 of the greatest
+    /// coordinate relative to the origin, or 2^-36 of that in the world. For cull, in buildings.
     ///
     /// max_cells: more regions are not divided. What is added later does not count. There are no cells, and
     /// they hide nothing, where all space sees the backs of triangles, as in a scene that is not two_sided

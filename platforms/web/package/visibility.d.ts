@@ -265,7 +265,8 @@ export interface Visibility {
   createCells(graph: Graph, volumes: readonly Volume[], options?: { tolerance?: number }): Cells;
   /**
    * Creates cells and portals from the triangles of a scene's occluders: space is divided along large walls, and each
-   * gap between triangles is a portal. There are at most `maxCells`, 16,384 by default. `count` of the result is 0
+   * gap between triangles is a portal, unless it is narrower than 2^-20 of the greatest coordinate relative to the
+   * scene's origin, or 2^-36 of that in the world. There are at most `maxCells`, 16,384 by default. `count` of the result is 0
    * where all space sees backs of one-sided triangles: such cells hide nothing. They are of the occluders of all
    * layers as they are now: for views that show them all. Takes from milliseconds to minutes.
    */

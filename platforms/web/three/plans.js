@@ -344,6 +344,7 @@ export class CellSight {
   static async of(scene, { cell = 4, box, occluder, layers, visibility } = {}) {
     if (!(cell > 0)) throw new TypeError("`cell` is not a length");
     const around = box ?? boxOf(scene);
+    if (around.isEmpty()) throw new RangeError("nothing to divide: the scene has no geometry, or `box` is empty");
     const size = around.getSize(new Vector3());
     const counts = size.toArray().map((side) => Math.max(1, Math.ceil(side / cell)));
     const count = counts[0] * counts[1] * counts[2];
@@ -352,7 +353,9 @@ export class CellSight {
     const library = await loaded(visibility);
     const boxes = [];
     const { min, max } = around;
-    const end = (axis, i) => (i === counts[axis] ? max.getComponent(axis) : min.getComponent(axis) + i * cell);
+    // By rounding, the last cell may begin beyond the end of the box.
+    const end = (axis, i) =>
+      i === counts[axis] ? max.getComponent(axis) : Math.min(min.getComponent(axis) + i * cell, max.getComponent(axis));
     for (let x = 0; x < counts[0]; x++)
       for (let y = 0; y < counts[1]; y++)
         for (let z = 0; z < counts[2]; z++) {

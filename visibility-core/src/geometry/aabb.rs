@@ -58,9 +58,9 @@ impl Aabb {
 
     /// Returns the smallest box around `points` where `transform` places them, computed in `f64` and rounded
     /// outwards to `f32`. [`EMPTY`](Self::EMPTY) without points, NaN if a coordinate is NaN.
-    pub(crate) fn around_placed(points: &[Vec3], transform: &DAffine3) -> Self {
+    pub(crate) fn around_placed(points: impl IntoIterator<Item = Vec3>, transform: &DAffine3) -> Self {
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for &point in points {
+        for point in points {
             let at = transform.transform_point3(point.as_dvec3());
             if at.is_nan() {
                 return Self::new(Vec3::NAN, Vec3::NAN);

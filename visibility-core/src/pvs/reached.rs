@@ -29,7 +29,7 @@ const MAX_LEFT: usize = 64;
 /// greatest coordinate. The signed distance of a corner from the plane is rounded by `4u` of the magnitudes
 /// of corner and offset, `12u r`. Each cut of the polygon by a plane puts the new corners up to `4u r` off
 /// the exact edges. So `32u` of the greatest coordinate of `a` and `30u r` are needed, and `4u r` more for
-/// each cut. The margin is `64u` of both.
+/// each cut. The margin is `64u` of both, and each cut adds its own.
 pub(super) const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 impl Viewcells {
@@ -67,8 +67,10 @@ impl Viewcells {
         // Keeps only the viewcells that the polygon itself reaches into, not just its bounding box.
         reached.retain(|cell| {
             let mut left = Corners::from_slice(corners);
+            let mut margin = margin;
             for plane in all[cell.index()].faces(anchor) {
                 left = clip_outward(&left, &plane, margin);
+                margin += 2.0 * f64::EPSILON * reach;
             }
             !left.is_empty()
         });

@@ -84,7 +84,8 @@ impl Scene {
         let holds =
             |content: Aabb| bounds.min.cmple(content.min).all() && content.max.cmple(bounds.max).all();
         if bounds.is_proper() && !triangles.view().known_bounds().is_some_and(holds) {
-            let content = triangles.bounds();
+            // Cullers leave out triangles with a corner that is not finite, and hide behind the others.
+            let content = triangles.finite_bounds();
             if content.is_finite() {
                 self.enlarge(index, &content, false);
             }

@@ -118,7 +118,7 @@ impl SkinnedBounds {
         let improper = Aabb::new(Vec3::NAN, Vec3::NAN);
         let Some(bones) = bones.get(..self.bones.len()) else { return improper };
         let mut hull = Aabb::EMPTY;
-        let mut size = Vec3::ZERO;
+        let (mut size, mut farthest) = (Vec3::ZERO, 0.0f32);
         for (bone, matrix) in self.bones.iter().zip(bones).filter(|(bone, _)| bone.is_proper()) {
             let matrix = matrix.to_affine();
             let image = bone.transformed(&matrix);
@@ -127,6 +127,7 @@ impl SkinnedBounds {
             }
             hull = hull.union(&image);
             let corner = bone.min.abs().max(bone.max.abs());
+            farthest = farthest.max(corner.max_element());
             let [x, y, z] = [matrix.matrix3.x_axis, matrix.matrix3.y_axis, matrix.matrix3.z_axis]
                 .map(|column| Vec3::from(column.abs()));
             let magnitude = x * corner.x + y * corner.y + z * corner.z + Vec3::from(matrix.translation.abs());
@@ -136,7 +137,9 @@ impl SkinnedBounds {
         if hull == Aabb::EMPTY {
             return if least <= greatest { Aabb::new(Vec3::ZERO, Vec3::ZERO) } else { improper };
         }
-        let margin = size * (greatest * self.rounding) + Vec3::splat(64.0 * f32::MIN_POSITIVE);
+        // An underflow of a blended matrix is multiplied by a coordinate.
+        let underflow = 64.0 * f32::MIN_POSITIVE * (1.0 + farthest);
+        let margin = size * (greatest * self.rounding) + Vec3::splat(underflow);
         Aabb::new(
             (hull.min * least).min(hull.min * greatest) - margin,
             (hull.max * least).max(hull.max * greatest) + margin,

@@ -149,8 +149,16 @@ impl SharedTriangles {
         let view = self.view();
         match view.transform {
             None => self.mesh().bounds,
-            Some(transform) => Aabb::around_placed(view.mesh.as_flattened(), &transform),
+            Some(transform) => Aabb::around_placed(view.mesh.as_flattened().iter().copied(), &transform),
         }
+    }
+
+    /// Returns the smallest box around the finite corners where they are placed, rounded outwards.
+    /// [`Aabb::EMPTY`] without any.
+    pub(crate) fn finite_bounds(&self) -> Aabb {
+        let view = self.view();
+        let corners = view.mesh.as_flattened().iter().copied().filter(|corner| corner.is_finite());
+        Aabb::around_placed(corners, &view.transform.unwrap_or(DAffine3::IDENTITY))
     }
 
     /// Returns whether two objects' triangles are the same mesh in memory.

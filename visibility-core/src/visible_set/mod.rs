@@ -629,7 +629,8 @@ impl VisibleSet {
 
     /// Calls `each` for the objects of the set that [can occlude](Scene::can_occlude), in the order of the
     /// hierarchy: those flagged as occluders, without those that are never culled or fade. Of a union, only
-    /// those on a [layer of all its sets](Self::common_layers): other views do not draw them.
+    /// those on a [layer of all its sets](Self::common_layers): other views do not draw them. A set that was
+    /// finished at an older layout counts as holding all objects on its layers.
     pub fn for_each_occluder(&self, scene: &Scene, mut each: impl FnMut(ObjectId)) {
         let mut walk = self.leaves(scene);
         loop {
@@ -647,19 +648,22 @@ impl VisibleSet {
 
     /// Returns the [layout](Scene::layout) of the scene, and a hash of the set's layers and of the places of
     /// its objects in that layout. Both are equal for two frames of a scene only if the sets hold the same
-    /// objects, but for a chance of 2^-64. For cullers with answers to earlier frames. Takes some nanoseconds
-    /// for each leaf with an object of the set.
+    /// objects, but for a chance of 2^-64. For cullers with answers to earlier frames. In the place of the
+    /// layout, a set that was finished at an older layout has a stamp of its own, equal for its clones alone.
+    /// Takes some nanoseconds for each leaf with an object of the set.
     pub fn fingerprint(&self, scene: &Scene) -> (Stamp, u64) {
         let mut hash = Fingerprint::new().with(self.layers);
         // The walk leaves out objects that are never culled.
         for &leaf in &scene.tree().unculled {
             hash = hash.with(leaf).with_u64(self.unculled_mask(scene, leaf as usize));
         }
+        let is_old_result = self.is_result_of(scene) && !self.is_of_layout(scene);
+        let place = if is_old_result { self.result } else { scene.layout() };
         let mut walk = self.leaves(scene);
         loop {
             hash = hash.with(walk.leaf as u32).with_u64(walk.mask);
             if !walk.next_leaf() {
-                return (scene.layout(), hash.value());
+                return (place, hash.value());
             }
         }
     }

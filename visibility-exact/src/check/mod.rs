@@ -27,7 +27,8 @@ use core::fmt;
 #[non_exhaustive]
 pub enum ProofError {
     /// The proof has too few or too many nodes, numbers out of range, or a target that it cannot cover: some
-    /// viewpoint is over the plane of a target face, but none by more than the clearance.
+    /// viewpoint is over the plane of a target face by more than a sixteenth of the clearance, but none by
+    /// more than the clearance.
     Form,
     /// A surface touches the viewcell or the target, segments meet its boundary, or its sample line does not
     /// cross it an odd number of times.

@@ -127,7 +127,7 @@ impl SceneTriangles {
             let used = triangles.iter().filter(|_| !is_open);
             facts.extend(used.map(|triangle| TriangleFacts::new(&object, triangle)));
             let occludes = facts.iter().any(|facts| facts.occludes);
-            let [min, max] = target_box(&object, triangles);
+            let [min, max] = target_box(scene, id, triangles);
             now = Some(TargetObject {
                 id,
                 min,

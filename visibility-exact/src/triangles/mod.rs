@@ -15,7 +15,7 @@ use visibility_core::geometry::DoubleDouble;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::level_version::level_object;
 use visibility_core::scene::{SceneCursor, Triangles};
-use visibility_core::{Object, ObjectId, Scene};
+use visibility_core::{Aabb, Object, ObjectId, Scene};
 use welding::{Welding, edge_key, vertex_key};
 
 /// The triangles of all objects of a scene, prepared for exact queries. Made once, then shared by cullers,
@@ -148,10 +148,12 @@ fn is_out_of_range(object: &Object, triangles: Triangles<'_>) -> bool {
         || (triangles.is_empty() && !(bounds.is_proper() && usable(bounds.min) && usable(bounds.max)))
 }
 
-/// Returns the box around an object's triangles, or the object's bounds if it has none.
-fn target_box(object: &Object, triangles: Triangles<'_>) -> [DVec3; 2] {
+/// Returns the box around an object's triangles, or the object's bounds if it has none: those that hold its
+/// occluder mesh too.
+fn target_box(scene: &Scene, id: ObjectId, triangles: Triangles<'_>) -> [DVec3; 2] {
     if triangles.is_empty() {
-        return [object.bounds.min, object.bounds.max].map(Vec3::as_dvec3);
+        let bounds = scene.bounds(id).unwrap_or(Aabb::EMPTY);
+        return [bounds.min, bounds.max].map(Vec3::as_dvec3);
     }
     let around = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let (min, max) = triangles.iter().flatten().fold(around, |(min, max), p| {
@@ -232,7 +234,7 @@ impl SceneTriangles {
         };
         let is_open = is_out_of_range(&object, triangles);
         let first = self.corners.len() as u32;
-        let [min, max] = target_box(&object, triangles);
+        let [min, max] = target_box(scene, id, triangles);
         for triangle in triangles.iter().filter(|_| !is_open) {
             let facts = TriangleFacts::new(&object, triangle);
             self.magnitude = greatest(self.magnitude, &facts.corners);

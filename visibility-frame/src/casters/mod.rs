@@ -177,7 +177,12 @@ impl CasterCuller {
                 Source::Direction(toward_light / toward_light.abs().max_element())
             }
             Light::Point { position, .. } | Light::Spot { position, .. } => {
-                Source::Point(position - scene.origin())
+                let position = position - scene.origin();
+                // The difference of two numbers near the greatest ones overflows.
+                if !position.is_finite() {
+                    return planes;
+                }
+                Source::Point(position)
             }
         };
         if let (Light::Spot { direction, .. }, Source::Point(p), Some(tangent)) =

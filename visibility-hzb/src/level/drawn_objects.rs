@@ -6,8 +6,8 @@ use hashbrown::HashMap;
 use visibility_core::ObjectId;
 use visibility_occluders::LevelOccluders;
 
-/// The objects of all levels of a z-buffer. The time of a look-up grows with the number of
-/// distinct lists of layer masks, not with that of levels.
+/// The objects of all levels of a z-buffer. The time of a look-up grows with the number and the lengths of
+/// distinct lists of layer masks, not with the number of levels.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct DrawnObjects {
     /// One group for each distinct list of layer masks. The levels of most worlds have one list in common.

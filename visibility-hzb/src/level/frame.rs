@@ -7,7 +7,7 @@ use crate::query::box_projection::ScreenProjection32;
 use crate::rounding::up;
 use crate::setup::screen_projection::{ObjectProjection, ScreenProjection, ScreenRow, U, project_object};
 use visibility_core::glam::{Affine3A, DMat3, DVec3, Vec3};
-use visibility_core::view::{Eye, ViewPlanes};
+use visibility_core::view::{Eye, ViewPlanes, ViewProjection};
 use visibility_core::{Aabb, View};
 
 /// Maximum error of a vertex in pixels. Vertices with a greater error are projected again in `f64`.
@@ -42,6 +42,9 @@ pub(crate) struct LevelFrame {
     /// Eye of a perspective view, in metres relative to the origin of the level; the unit direction of a
     /// parallel view.
     pub(super) eye: DVec3,
+    /// Bound on the distance in metres of `eye` from the exact eye; 0 for a parallel view, where heights over
+    /// slabs are compared with a share of the distance.
+    pub(super) eye_error: f64,
     /// True for a perspective view, false for a parallel one.
     pub(super) perspective: bool,
     /// Clip planes of the view.
@@ -104,12 +107,13 @@ impl LevelFrame {
         let [x, y, w, _] = projection.rows.map(|row| DVec3::from(row.linear));
         let near = DVec3::from(projection.near.linear);
         let perspective = projection.perspective;
-        let (eye, depth) = if perspective {
-            (projection.anchor, w.length_squared())
+        let (eye, eye_error, depth) = if perspective {
+            let error = ViewProjection::new(view, level.origin).eye_error();
+            (projection.anchor, error, w.length_squared())
         } else {
             // The cross product of rows `x` and `y` would point backwards in a mirrored picture.
             let Eye::Direction(along) = view.eye(level.origin) else { return None };
-            (along, projection.rows[2].constant * projection.rows[2].constant)
+            (along, 0.0, projection.rows[2].constant * projection.rows[2].constant)
         };
         // Upper bound on the distance in pixels that a point moves on the screen when it moves by a metre,
         // times its `w`.
@@ -144,6 +148,7 @@ impl LevelFrame {
             object,
             plane_errors: [object.determinant_error(), object.cross_error(projection.size)],
             eye,
+            eye_error,
             perspective,
             clip_planes: view.clip_planes_from(level.origin),
             least_near,

@@ -24,7 +24,7 @@ pub(super) fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<
         let before_near = thickness > frame.most_flattened && !is_beyond_window(frame, polygon, far);
         return (seen && !before_near).then_some(far);
     }
-    let margin = 16.0 * U * polygon.normal.abs().dot(frame.eye.abs());
+    let margin = 16.0 * U * polygon.normal.abs().dot(frame.eye.abs()) + frame.eye_error;
     let front = along > high;
     let (far, beside) = if front { (low, along - high) } else { (high, low - along) };
     let seen = beside > margin && (polygon.two_sided || front);
@@ -54,6 +54,7 @@ pub(super) fn is_beyond_window(frame: &LevelFrame, polygon: &OccluderPolygon, fa
     frame.window.is_some_and(|window| {
         window.iter().all(|&point| {
             let margin = 16.0 * U * (normal.abs().dot(anchor.abs() + point.abs()) + near_side.abs());
+            let margin = margin + frame.eye_error;
             side * (normal.dot(anchor) + normal.dot(point) - near_side) > margin
         })
     })
@@ -69,11 +70,11 @@ pub(super) fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: D
     let along = polygon.normal.dot(frame.eye);
     // A lower bound on the height of the eye above the polygon's slab (the layer that holds its vertices),
     // and an upper bound on its distance from points of the polygon's faces. Far from the origin, the 3 u by
-    // which a product of three terms is off, and the u of the eye's own coordinates, may be much of the
+    // which a product of three terms is off, and the error of the eye itself, may be much of the
     // height; the subtraction rounds by u of the height, which the factor below covers. In a parallel view
     // the height is at least the sine, 1e-6, so the factor covers the product as well.
     let (height, distance) = if frame.perspective {
-        let margin = 4.0 * U * polygon.normal.abs().dot(frame.eye.abs());
+        let margin = 4.0 * U * polygon.normal.abs().dot(frame.eye.abs()) + frame.eye_error;
         (along - high - margin, (frame.eye - middle).length() + radius + 2.0 * (high - low))
     } else {
         (-along, 1.0)
@@ -172,6 +173,32 @@ mod tests {
             found[usize::from(far.is_some())] += 1;
         }
         assert!(found.iter().all(|&count| count > 5_000), "{found:?} without and with a far side");
+    }
+
+    /// The eye may be elsewhere by its error: no slab is certain that comes so near, from no side.
+    #[test]
+    fn slabs_within_the_error_of_the_eye_are_uncertain() {
+        let mut frame = frame();
+        (frame.eye, frame.projection.anchor, frame.eye_error) = (DVec3::Z, DVec3::Z, 0.01);
+        for (beside, is_certain) in [(0.009, false), (0.011, true)] {
+            frame.window = None;
+            let own = polygon(DVec3::Z, [1.0 - beside; 2], 1.0, false);
+            assert_eq!(far_side(&frame, &own).is_some(), is_certain, "{beside} m below the eye");
+            assert_eq!(
+                faces_eye(&frame, &own, own.normal, 0.0),
+                is_certain,
+                "faces {beside} m below the eye"
+            );
+            frame.window = Some([DVec3::Z * 2.0 - DVec3::Z; 4]);
+            let thick = polygon(DVec3::Z, [0.0, 1.0 - beside], 1.0, false);
+            assert_eq!(
+                far_side(&frame, &thick).is_some(),
+                is_certain,
+                "a thick slab {beside} m below the eye"
+            );
+            frame.window = Some([DVec3::ZERO; 4]);
+            assert_eq!(is_beyond_window(&frame, &thick, 0.0), is_certain, "a window {beside} m above a slab");
+        }
     }
 
     /// In a parallel view, polygons count that are seen from a side on which they occlude, not along their

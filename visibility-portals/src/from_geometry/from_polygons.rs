@@ -37,6 +37,7 @@ pub enum SolidRule<'a> {
 #[must_use]
 pub struct PolygonSettings<'a> {
     tolerance: Option<f64>,
+    origin: DVec3,
     min_share: f64,
     min_area: Option<f64>,
     margin: f64,
@@ -49,6 +50,7 @@ impl Default for PolygonSettings<'_> {
     fn default() -> Self {
         Self {
             tolerance: None,
+            origin: DVec3::ZERO,
             min_share: 0.25,
             min_area: None,
             margin: 1.0,
@@ -60,10 +62,19 @@ impl Default for PolygonSettings<'_> {
 }
 
 impl<'a> PolygonSettings<'a> {
-    /// Sets the distance that a line must keep from all polygons to be certain to pass. `None`, the default:
-    /// 2^-20 of the greatest absolute coordinate, well above the rounding of `f32`.
+    /// Sets the distance that a line must keep from all polygons to be certain to pass: narrower gaps are
+    /// closed. `None`, the default: 2^-20 of the greatest absolute coordinate relative to the
+    /// [origin](Self::with_origin), well above the rounding of `f32`, and at least 2^-36 of the greatest
+    /// absolute coordinate in the world, which is above that of `f64`.
     pub fn with_tolerance(self, tolerance: impl Into<Option<f64>>) -> Self {
         Self { tolerance: tolerance.into(), ..self }
+    }
+
+    /// Sets the point in the world relative to which the polygons were given in `f32`, such as
+    /// [`Scene::origin`](visibility_core::Scene::origin). The default tolerance depends on it. The zero point
+    /// of the world by default. A point that is not finite is an error.
+    pub fn with_origin(self, origin: DVec3) -> Self {
+        Self { origin, ..self }
     }
 
     /// Sets the minimum covered fraction, from 0 to 1, for a split: the region is split along a plane if
@@ -164,11 +175,15 @@ pub fn from_polygons(
     (min, max) = (min - margin, max + margin);
     let extent = min.abs().max(max.abs()).max_element();
     checked_extent(extent)?;
-    let tolerance = match settings.tolerance {
-        Some(tolerance) => checked("the tolerance", tolerance)?,
-        None => extent / f64::from(1 << 20),
-    };
-    if tolerance < Lengths::least_tolerance(extent) {
+    if !settings.origin.is_finite() {
+        return Err(GeometryError::Setting { what: "the origin", value: settings.origin.length() });
+    }
+    let least_tolerance = Lengths::least_tolerance(extent);
+    let tolerance = settings.tolerance.unwrap_or_else(|| {
+        let [low, high] = [min, max].map(|corner| (corner - settings.origin).abs());
+        least_tolerance.max(low.max(high).max_element() / f64::from(1 << 20))
+    });
+    if checked("the tolerance", tolerance)? < least_tolerance {
         return Err(GeometryError::Setting { what: "the tolerance", value: tolerance });
     }
     let side = (max - min).max_element();

@@ -8,7 +8,7 @@ use crate::scene::vis_scene;
 use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use visibility_core::bake::Bake;
 use visibility_core::cells::{CellGraph, CellId, PortalId};
-use visibility_core::geometry::ConvexPolygon;
+use visibility_core::geometry::{ConvexPolygon, keeps_orientation};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::level_version::level_object;
 use visibility_portals::from_geometry::{PolygonSettings, Subdivision, from_polygons};
@@ -173,7 +173,9 @@ pub unsafe extern "C" fn vis_cells_create(
 }
 
 /// Makes cells and portals from the triangles of a scene's occluders that are always drawn, where they are
-/// now: space is divided along large walls, and every gap between triangles becomes an open portal. An
+/// now: space is divided along large walls, and every gap between triangles becomes an open portal, unless it
+/// is narrower than 2^-20 of the greatest coordinate relative to the scene's origin, or 2^-36 of that in the
+/// world. An
 /// occluder with a draw range, an HLOD parent or HLOD children is not always drawn, nor is one on no layer:
 /// it is no wall. `max_cells` is the greatest number of cells; 0 for the default, 16,384. Writes the number
 /// of cells to `cell_count`, which may be null. It is 0 where all space sees the backs of one-sided
@@ -201,6 +203,12 @@ pub unsafe extern "C" fn vis_cells_create_of_scene(
             occluder.filter(|_| object.layers != 0)
         });
         for (mesh, transform) in walls {
+            // A transform that mirrors turns the winding. One that flattens leaves no side certain.
+            let is_mirrored = match keeps_orientation(&transform) {
+                _ if mesh.is_two_sided() => false,
+                Some(keeps) => !keeps,
+                None => continue,
+            };
             // In `f64`: what nearly cancels in `f32` would close a gap that cullers see through.
             let transform = transform.as_daffine3();
             let world = |at: &Vec3| scene.origin() + transform.transform_point3(at.as_dvec3());
@@ -209,7 +217,8 @@ pub unsafe extern "C" fn vis_cells_create_of_scene(
             for [a, b, c] in mesh.triangles().iter().map(corners) {
                 // A triangle without area covers nothing.
                 let (Some(a), Some(b), Some(c)) = (a, b, c) else { continue };
-                let Ok(polygon) = ConvexPolygon::new([a, b, c]) else { continue };
+                let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
+                let Ok(polygon) = ConvexPolygon::new(corners) else { continue };
                 polygons.push(polygon);
                 one_sided.push(!mesh.is_two_sided());
             }
@@ -219,7 +228,8 @@ pub unsafe extern "C" fn vis_cells_create_of_scene(
         } else {
             PolygonSettings::default().with_max_cells(max_cells)
         };
-        let made = from_polygons(&polygons, &most.with_one_sided(&one_sided))?;
+        let settings = most.with_one_sided(&one_sided).with_origin(scene.origin());
+        let made = from_polygons(&polygons, &settings)?;
         let Subdivision { graph, viewcells, .. } = made;
         let corners = polygons.iter().flat_map(ConvexPolygon::vertices);
         let farthest = corners.map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
