@@ -123,8 +123,8 @@ pub struct ConvexVolume {
 
 impl ConvexVolume {
     /// Builds the intersection of the half-spaces on the positive side of the planes, each moved outwards by
-    /// its error bound. Normals have unit length, up to rounding. Planes after the first [`MAX_PLANES`] are ignored, which makes the volume larger.
-    /// Without planes the volume is all of space.
+    /// its error bound. Normals have unit length, up to rounding. Planes after the first [`MAX_PLANES`] are
+    /// ignored, which makes the volume larger. Without planes the volume is all of space.
     pub fn new(simd: Simd, view_planes: &[ViewPlane]) -> Self {
         let mut volume = Self {
             simd,

@@ -41,6 +41,11 @@ impl Stamp {
         Self(count)
     }
 
+    /// Returns the number that makes the stamp differ from others.
+    pub(crate) const fn number(self) -> u64 {
+        self.0
+    }
+
     /// Returns whether two stamps made by [`from_count`](Self::from_count) are of the same range, as the
     /// layouts of one scene are.
     pub(crate) fn is_of_same_range(self, other: Self) -> bool {

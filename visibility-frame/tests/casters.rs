@@ -690,3 +690,15 @@ fn hostile_lights_and_views_do_no_harm() {
     let view = View::from_clip_from_world(DMat4::IDENTITY, Depth::ZeroToOne).unwrap();
     assert_eq!(cull(&Scene::new(), &view, culler).count(&Scene::new()), 0, "casters of an empty scene");
 }
+
+/// The difference of the light and the origin of the scene is infinite: all casters stay.
+#[test]
+fn a_light_at_no_finite_distance_keeps_all_casters() {
+    let mut scene = Scene::new();
+    scene.set_origin(DVec3::X * -1.7e308).unwrap();
+    scene.insert_batch([-9.0, 9.0].map(|y| Aabb::from_arrays([0.0, y, 5.0], [1.0, y + 0.5, 6.0])));
+    let light = Light::Point { position: DVec3::X * 1.7e308, range: f64::INFINITY };
+    let pose = Pose::look_at(scene.origin(), scene.origin() + DVec3::Z, DVec3::Y);
+    let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+    assert_eq!(cull(&scene, &view, CasterCuller::new(light).unwrap()).count(&scene), 2, "both casters");
+}

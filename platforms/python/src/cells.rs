@@ -13,12 +13,8 @@ use visibility_core::geometry::{ConvexPolygon, Plane};
 use visibility_core::glam::DVec3;
 use visibility_core::level_version::level_object;
 use visibility_core::pvs::{Viewcell, Viewcells};
-use visibility_portals::from_geometry::{PolygonSettings, Subdivision, from_polygons};
+use visibility_portals::from_geometry::{PolygonSettings, from_polygons};
 use visibility_portals::{BakerSettings, CellBaker, Passage, SceneCells, prt};
-
-/// Tolerance of cells made of a scene, relative to the greatest coordinate: above the rounding of portals and
-/// volumes. How far a cell may be misplaced beside the walls that it was made of, its volume knows.
-const RELATIVE_TOLERANCE: f64 = 1.0 / (1u64 << 30) as f64;
 
 /// Cells of a building and the portals between them, for Scene.cull: it hides what cannot be seen through
 /// open portals. Elsewhere the borders of the cells must be opaque.
@@ -78,12 +74,8 @@ impl Cells {
             }
             let settings = PolygonSettings::default().with_max_cells(max_cells).with_one_sided(&one_sided);
             let settings = settings.with_origin(scene.origin());
-            let Subdivision { graph, viewcells, .. } =
-                from_polygons(&polygons, &settings).map_err(|error| refused("scene", error))?;
-            let corners = polygons.iter().flat_map(ConvexPolygon::vertices);
-            let farthest = corners.map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-            let cells = SceneCells::new(graph, viewcells, farthest * RELATIVE_TOLERANCE);
-            cells.map(Self::of).map_err(|error| refused("scene", error))
+            let made = from_polygons(&polygons, &settings).map_err(|error| refused("scene", error))?;
+            made.into_scene_cells().map(Self::of).map_err(|error| refused("scene", error))
         })
     }
 }

@@ -108,7 +108,7 @@ export class CellSight {
   /**
    * Finds which cells see which: a sweep of milliseconds to a second for each. `cell` is their side, 4 by default; they
    * fill `box`, by default that around the scene: choose the part that movers are in. Rejects with a `RangeError` for
-   * more than 16,384 cells.
+   * more than 16,384 cells, and where there is nothing to divide: no geometry, or an empty `box`.
    */
   static of(scene: Scene | Object3D, options?: SightOptions & { cell?: number; box?: Box3 }): Promise<CellSight>;
   /** Number of cells. */

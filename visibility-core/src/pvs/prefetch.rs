@@ -152,7 +152,7 @@ impl Prefetch {
     /// Fills `reached`, soonest first, and sets `covered` to the parameter (0 to 1) of the path up to which
     /// the eye stays inside viewcells.
     fn follow(&mut self, viewcells: &Viewcells, path: &Path, reach: f64) {
-        // At least the margin of `Viewcells::reached` for all points of the path.
+        // At least the margin of `Viewcells::reached` for all points of the path, which nothing cuts.
         let magnitude = path.start.abs().max_element() + path.step.abs().max_element() + reach;
         let reach = reach + viewcells.misplacement() + reached::ROUNDING * magnitude;
         let Self { reached, inside, covered, .. } = self;

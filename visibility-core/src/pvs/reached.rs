@@ -97,7 +97,8 @@ impl Viewcells {
         if !self.reached(&middle, anchor, error, scratch) {
             return false;
         }
-        let margin = error + self.misplacement() + ROUNDING * (radius + anchor.abs().max_element());
+        // Corners are up to 4 radii away. Twice that leaves room for 26 cuts.
+        let margin = error + self.misplacement() + ROUNDING * (8.0 * radius + anchor.abs().max_element());
         reached.iter().all(|cell| {
             let cell = &self.cells()[cell.index()];
             cell.has_all_faces()

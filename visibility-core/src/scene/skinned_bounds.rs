@@ -35,6 +35,8 @@ pub struct SkinnedBounds {
     /// Upper bound on the rounding error of a vertex skinned in `f32`, as a fraction of the sum of the
     /// magnitudes of its terms (weight times matrix element times coordinate).
     rounding: f32,
+    /// Upper bound on what underflows take off a coordinate of a vertex, whose coordinates are at most 1.
+    underflow: f32,
 }
 
 /// Why [`SkinnedBounds::new`] failed.
@@ -102,7 +104,9 @@ impl SkinnedBounds {
         // With u = 2^-24: each term of a vertex skinned in `f32` is a product of weight, coefficient and
         // coordinate, rounded twice. It then goes through at most N + 2 additions, whether matrices or points
         // are blended. The rest of N + 8 covers rounding in `bounds` below and second-order terms.
-        Ok(Self { bones, sums, rounding: (N as f32 + 8.0) * 0.5 * f32::EPSILON })
+        let rounding = (N as f32 + 8.0) * 0.5 * f32::EPSILON;
+        // Two products of each of the N bones and their sum, on three axes, may each lose the least number.
+        Ok(Self { bones, sums, rounding, underflow: (8.0 + 9.0 * N as f32) * f32::MIN_POSITIVE })
     }
 
     /// Returns a box that certainly contains every vertex of the mesh in a pose, also as computed in `f32`:
@@ -138,7 +142,7 @@ impl SkinnedBounds {
             return if least <= greatest { Aabb::new(Vec3::ZERO, Vec3::ZERO) } else { improper };
         }
         // An underflow of a blended matrix is multiplied by a coordinate.
-        let underflow = 64.0 * f32::MIN_POSITIVE * (1.0 + farthest);
+        let underflow = self.underflow * (1.0 + farthest);
         let margin = size * (greatest * self.rounding) + Vec3::splat(underflow);
         Aabb::new(
             (hull.min * least).min(hull.min * greatest) - margin,

@@ -648,22 +648,23 @@ impl VisibleSet {
 
     /// Returns the [layout](Scene::layout) of the scene, and a hash of the set's layers and of the places of
     /// its objects in that layout. Both are equal for two frames of a scene only if the sets hold the same
-    /// objects, but for a chance of 2^-64. For cullers with answers to earlier frames. In the place of the
-    /// layout, a set that was finished at an older layout has a stamp of its own, equal for its clones alone.
-    /// Takes some nanoseconds for each leaf with an object of the set.
+    /// objects, but for a chance of 2^-64. For cullers with answers to earlier frames. Sets that were
+    /// finished at an older layout, and are no clones, have different hashes whatever they hold. Takes some
+    /// nanoseconds for each leaf with an object of the set.
     pub fn fingerprint(&self, scene: &Scene) -> (Stamp, u64) {
         let mut hash = Fingerprint::new().with(self.layers);
         // The walk leaves out objects that are never culled.
         for &leaf in &scene.tree().unculled {
             hash = hash.with(leaf).with_u64(self.unculled_mask(scene, leaf as usize));
         }
-        let is_old_result = self.is_result_of(scene) && !self.is_of_layout(scene);
-        let place = if is_old_result { self.result } else { scene.layout() };
+        if self.is_result_of(scene) && !self.is_of_layout(scene) {
+            hash = hash.with_u64(self.result.number());
+        }
         let mut walk = self.leaves(scene);
         loop {
             hash = hash.with(walk.leaf as u32).with_u64(walk.mask);
             if !walk.next_leaf() {
-                return (place, hash.value());
+                return (scene.layout(), hash.value());
             }
         }
     }

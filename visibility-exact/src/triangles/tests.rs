@@ -2,7 +2,8 @@
 
 use super::*;
 use std::format;
-use visibility_core::{Aabb, Object};
+use visibility_core::glam::Affine3A;
+use visibility_core::{Object, OccluderMesh};
 use visibility_testing::Random;
 
 fn prepared(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> SceneTriangles {
@@ -313,5 +314,23 @@ fn steps_grow_as_the_triangles_at_an_edge_do() {
             steps[1] < 2.6 * steps[0] && steps[2] < 2.6 * steps[1],
             "of one object: {of_one_object}, {steps:?}"
         );
+    }
+}
+
+/// The box of an object without triangles holds its occluder mesh, which may reach out of the given bounds by
+/// rounding.
+#[test]
+fn boxes_of_targets_hold_their_occluder_meshes() {
+    let mut scene = Scene::new();
+    let given = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+    let id = scene.insert(Object { occluder: true, ..Object::new(given) });
+    let mut all = SceneTriangles::new(&scene);
+    let reach = Aabb::from_arrays([0.0; 3], [1.0, 1.000_002, 1.0]);
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&reach).unwrap());
+    scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+    assert_eq!(scene.bounds(id).unwrap().max, reach.max, "the bounds are enlarged");
+    all.sync(&scene);
+    for (all, when) in [(all, "later"), (SceneTriangles::new(&scene), "from the start")] {
+        assert_eq!(all.objects[0].max, reach.max.as_dvec3(), "a mesh that was there {when}");
     }
 }

@@ -42,8 +42,8 @@ pub(crate) struct LevelFrame {
     /// Eye of a perspective view, in metres relative to the origin of the level; the unit direction of a
     /// parallel view.
     pub(super) eye: DVec3,
-    /// Bound on the distance in metres of `eye` from the exact eye; 0 for a parallel view, where heights over
-    /// slabs are compared with a share of the distance.
+    /// Bound on the distance of `eye` from the exact one: in metres for a point; for a direction, the length of
+    /// the difference of the unit vectors.
     pub(super) eye_error: f64,
     /// True for a perspective view, false for a parallel one.
     pub(super) perspective: bool,
@@ -107,13 +107,13 @@ impl LevelFrame {
         let [x, y, w, _] = projection.rows.map(|row| DVec3::from(row.linear));
         let near = DVec3::from(projection.near.linear);
         let perspective = projection.perspective;
-        let (eye, eye_error, depth) = if perspective {
-            let error = ViewProjection::new(view, level.origin).eye_error();
-            (projection.anchor, error, w.length_squared())
+        let eye_error = ViewProjection::new(view, level.origin).eye_error();
+        let (eye, depth) = if perspective {
+            (projection.anchor, w.length_squared())
         } else {
             // The cross product of rows `x` and `y` would point backwards in a mirrored picture.
             let Eye::Direction(along) = view.eye(level.origin) else { return None };
-            (along, 0.0, projection.rows[2].constant * projection.rows[2].constant)
+            (along, projection.rows[2].constant * projection.rows[2].constant)
         };
         // Upper bound on the distance in pixels that a point moves on the screen when it moves by a metre,
         // times its `w`.

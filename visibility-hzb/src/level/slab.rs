@@ -19,7 +19,8 @@ pub(super) fn far_side(frame: &LevelFrame, polygon: &OccluderPolygon) -> Option<
     let thickness = high - low;
     if !frame.perspective {
         let back = along > 0.0;
-        let seen = along.abs() > MIN_PARALLEL_COSINE && (polygon.two_sided || !back);
+        let is_certain = along.abs() > MIN_PARALLEL_COSINE + frame.eye_error;
+        let seen = is_certain && (polygon.two_sided || !back);
         let far = if back { high } else { low };
         let before_near = thickness > frame.most_flattened && !is_beyond_window(frame, polygon, far);
         return (seen && !before_near).then_some(far);
@@ -75,9 +76,10 @@ pub(super) fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: D
     // the height is at least the sine, 1e-6, so the factor covers the product as well.
     let (height, distance) = if frame.perspective {
         let margin = 4.0 * U * polygon.normal.abs().dot(frame.eye.abs()) + frame.eye_error;
-        (along - high - margin, (frame.eye - middle).length() + radius + 2.0 * (high - low))
+        let distance = (frame.eye - middle).length() + frame.eye_error;
+        (along - high - margin, distance + radius + 2.0 * (high - low))
     } else {
-        (-along, 1.0)
+        (-along - frame.eye_error, 1.0)
     };
     height > 0.0 && height * height > sine_squared * distance * distance * (1.0 + 1e-5)
 }
@@ -189,7 +191,7 @@ mod tests {
                 is_certain,
                 "faces {beside} m below the eye"
             );
-            frame.window = Some([DVec3::Z * 2.0 - DVec3::Z; 4]);
+            frame.window = Some([DVec3::Z; 4]);
             let thick = polygon(DVec3::Z, [0.0, 1.0 - beside], 1.0, false);
             assert_eq!(
                 far_side(&frame, &thick).is_some(),
@@ -226,6 +228,13 @@ mod tests {
         frame.window = Some([DVec3::Z * 100.0; 4]);
         let own = polygon(DVec3::Z, [1.0, 2.0], 1.0, true);
         assert_eq!(far_side(&frame, &own), Some(1.0), "a thick slab beyond the window");
+        // The direction may be another by its error.
+        let flat = polygon(DVec3::Z, [1.0; 2], 1.0, false);
+        for (eye_error, is_certain) in [(0.9, true), (1.0, false)] {
+            frame.eye_error = eye_error;
+            assert_eq!(far_side(&frame, &flat).is_some(), is_certain, "a direction off by {eye_error}");
+            assert_eq!(faces_eye(&frame, &flat, DVec3::Z, 1.0), is_certain, "faces, {eye_error} off");
+        }
         let sides = [1.0, -1.0].map(|z| {
             frame.eye = DVec3::Z * z;
             eye_side(&frame, DVec3::Z, 1.0)

@@ -1,10 +1,12 @@
 //! The result of dividing space into cells, and its errors.
 
+use crate::{SceneCells, SceneCellsError};
 use alloc::vec::Vec;
 use core::fmt;
 use visibility_core::cells::Leak;
 use visibility_core::{
     cells::{CellGraph, CellGraphError, CellId},
+    glam::DVec3,
     pvs::Viewcells,
 };
 
@@ -26,9 +28,25 @@ impl Subdivision {
     /// to an outside cell. On a map that is meant to be closed, the path shows the hole. `None` if no path
     /// leads outside, or if the point lies in no cell. Takes time proportional to the number of cells and
     /// portals.
-    pub fn leak(&self, inside: visibility_core::glam::DVec3) -> Option<Leak> {
+    pub fn leak(&self, inside: DVec3) -> Option<Leak> {
         let from = self.viewcells.locate(inside).map(|viewcell| CellId(viewcell.0))?;
         self.graph.leak(from, |cell| self.outside.binary_search(&cell).is_ok())
+    }
+
+    /// Makes the cells that portal cullers share. Their tolerance covers the rounding of portals and volumes:
+    /// 2^-30 of the longest side of the box around all cells, plus 2^-49 of the greatest coordinate.
+    ///
+    /// # Errors
+    /// The errors of [`SceneCells::new`].
+    pub fn into_scene_cells(self) -> Result<SceneCells, SceneCellsError> {
+        let (mut min, mut max) = (DVec3::ZERO, DVec3::ZERO);
+        for (number, cell) in self.viewcells.cells().iter().enumerate() {
+            (min, max) =
+                if number == 0 { (cell.min, cell.max) } else { (min.min(cell.min), max.max(cell.max)) };
+        }
+        let farthest = min.abs().max(max.abs()).max_element();
+        let tolerance = (max - min).max_element() / f64::from(1 << 30) + 8.0 * f64::EPSILON * farthest;
+        SceneCells::new(self.graph, self.viewcells, tolerance)
     }
 }
 

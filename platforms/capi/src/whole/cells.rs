@@ -11,15 +11,11 @@ use visibility_core::cells::{CellGraph, CellId, PortalId};
 use visibility_core::geometry::{ConvexPolygon, keeps_orientation};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::level_version::level_object;
-use visibility_portals::from_geometry::{PolygonSettings, Subdivision, from_polygons};
+use visibility_portals::from_geometry::{PolygonSettings, from_polygons};
 use visibility_portals::{BakerSettings, CellBaker, MirrorId, Passage, SceneCells, prt};
 
 /// Graph of convex cells and the portals between them. It never changes.
 pub struct vis_graph(pub(crate) CellGraph);
-
-/// Tolerance of cells made of a scene, relative to the greatest coordinate: above the rounding of portals and
-/// volumes. How far a cell may be misplaced beside the walls that it was made of, its volume knows.
-const RELATIVE_TOLERANCE: f64 = 1.0 / (1u64 << 30) as f64;
 
 /// Portal of a graph: a convex polygon between two cells.
 #[repr(C)]
@@ -175,12 +171,11 @@ pub unsafe extern "C" fn vis_cells_create(
 /// Makes cells and portals from the triangles of a scene's occluders that are always drawn, where they are
 /// now: space is divided along large walls, and every gap between triangles becomes an open portal, unless it
 /// is narrower than 2^-20 of the greatest coordinate relative to the scene's origin, or 2^-36 of that in the
-/// world. An
-/// occluder with a draw range, an HLOD parent or HLOD children is not always drawn, nor is one on no layer:
-/// it is no wall. `max_cells` is the greatest number of cells; 0 for the default, 16,384. Writes the number
-/// of cells to `cell_count`, which may be null. It is 0 where all space sees the backs of one-sided
-/// triangles: a culler with such cells hides nothing. What an occluder does after this call counts no more,
-/// so make cells of what stands still. Occluders of all layers count, so cull with such cells only views that
+/// world. An occluder with a draw range, an HLOD parent or HLOD children is not always drawn, nor is one on no
+/// layer: it is no wall. `max_cells` is the greatest number of cells; 0 for the default, 16,384. Writes the
+/// number of cells to `cell_count`, which may be null. It is 0 where all space sees the backs of one-sided
+/// triangles: a culler with such cells hides nothing. What an occluder does after this call counts no more, so
+/// make cells of what stands still. Occluders of all layers count, so cull with such cells only views that
 /// show them all. Takes from milliseconds to minutes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_cells_create_of_scene(
@@ -229,12 +224,8 @@ pub unsafe extern "C" fn vis_cells_create_of_scene(
             PolygonSettings::default().with_max_cells(max_cells)
         };
         let settings = most.with_one_sided(&one_sided).with_origin(scene.origin());
-        let made = from_polygons(&polygons, &settings)?;
-        let Subdivision { graph, viewcells, .. } = made;
-        let corners = polygons.iter().flat_map(ConvexPolygon::vertices);
-        let farthest = corners.map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-        let cell_number = graph.cell_count();
-        let made = SceneCells::new(graph, viewcells, farthest * RELATIVE_TOLERANCE)?;
+        let made = from_polygons(&polygons, &settings)?.into_scene_cells()?;
+        let cell_number = made.graph().cell_count();
         create(place, vis_cells(Arc::new(RwLock::new(made))));
         count.into_iter().for_each(|mut count| count.set(cell_number));
         Ok(())

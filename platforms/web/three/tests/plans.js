@@ -198,6 +198,12 @@ test("cells see over a low wall where the plan does not, and not through a high 
   assert.equal((await ScenePlan.of(scene, { height: HEIGHT, visibility })).sees(a, b), true, "without the door");
   await assert.rejects(CellSight.of(scene, { cell: 0.01, visibility }), RangeError);
   await assert.rejects(CellSight.of(scene, { cell: NaN, visibility }), TypeError);
+  await assert.rejects(CellSight.of(new THREE.Scene(), { visibility }), RangeError, "nothing to divide");
+  // By rounding, 0.6 / 0.1 is a little more than 6.
+  const row = new THREE.Box3(new THREE.Vector3(-0.9, 1, 1), new THREE.Vector3(-0.3, 1.05, 1.05));
+  const cells = await CellSight.of(scene, { cell: 0.1, box: row, visibility });
+  assert.equal(cells.count, 7);
+  cells.dispose();
 });
 
 test("polygons make a plan; bodies count with their boxes", async () => {
