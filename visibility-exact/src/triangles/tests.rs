@@ -325,7 +325,7 @@ fn boxes_of_targets_hold_their_occluder_meshes() {
     let given = Aabb::from_arrays([0.0; 3], [1.0; 3]);
     let id = scene.insert(Object { occluder: true, ..Object::new(given) });
     let mut all = SceneTriangles::new(&scene);
-    let reach = Aabb::from_arrays([0.0; 3], [1.0, 1.000_002, 1.0]);
+    let reach = Aabb::from_arrays([0.0; 3], [1.0, 1.000_001, 1.0]);
     let mesh = scene.add_mesh(OccluderMesh::cuboid(&reach).unwrap());
     scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
     assert_eq!(scene.bounds(id).unwrap().max, reach.max, "the bounds are enlarged");
