@@ -82,7 +82,8 @@ def by_cgal(rings):
     def point(place):
         return pyvispoly.Point(*(pyvispoly.FieldNumber(float(number)) for number in place))
 
-    outer, *holes = [pyvispoly.Polygon([point(place) for place in ring]) for ring in rings]
+    turned = [rings[0], *(ring[::-1] for ring in rings[1:])]
+    outer, *holes = [pyvispoly.Polygon([point(place) for place in ring]) for ring in turned]
     calculator = pyvispoly.VisibilityPolygonCalculator(pyvispoly.PolygonWithHoles(outer, holes))
     return lambda eye: calculator.compute_visibility_polygon(point(eye))
 
