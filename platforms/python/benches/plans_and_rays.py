@@ -1,7 +1,10 @@
-"""Plans beside loops over shapely, and cameras beside trimesh.ray, on the same walls and houses in one run.
+"""Plans beside loops over shapely, VisiLibity and CGAL, and cameras beside trimesh.ray, on the same walls and houses in one
+run.
 
-Usage: python plans_and_rays.py, with shapely, trimesh, rtree and embreex installed. VisiLibity's package of 2018 does not
-compile with today's Python, so it is not here. Times are of the processor, of one thread, the least of three runs.
+Usage: python plans_and_rays.py, with shapely, trimesh, rtree and embreex installed. Rows of VisiLibity and of CGAL are left
+out where their packages are not there: `pip install pyvispoly`, and `pip install swig wheel setuptools` before `pip install
+--no-build-isolation visilibity`, with swig on the path; it compiles for two minutes. Times are of the processor, of one
+thread, the least of three runs.
 """
 
 import time
@@ -59,6 +62,32 @@ def by_rays(walls, tree, eye, corners, reach):
     return shapely.Polygon(points)
 
 
+def by_visilibity(rings):
+    """Returns a function that gives visibility polygons of outlines, the outer one first, by VisiLibity."""
+    import visilibity
+
+    def polygon(ring):
+        return visilibity.Polygon([visilibity.Point(*map(float, point)) for point in ring])
+
+    # The outer outline is counter-clockwise, and holes are clockwise.
+    environment = visilibity.Environment([polygon(rings[0]), *(polygon(ring[::-1]) for ring in rings[1:])])
+    assert environment.is_valid(1e-9)
+    return lambda eye: visilibity.Visibility_Polygon(visilibity.Point(*map(float, eye)), environment, 1e-9)
+
+
+def by_cgal(rings):
+    """The same by CGAL, with exact numbers."""
+    import pyvispoly
+
+    def point(place):
+        return pyvispoly.Point(*(pyvispoly.FieldNumber(float(number)) for number in place))
+
+    turned = [rings[0], *(ring[::-1] for ring in rings[1:])]
+    outer, *holes = [pyvispoly.Polygon([point(place) for place in ring]) for ring in turned]
+    calculator = pyvispoly.VisibilityPolygonCalculator(pyvispoly.PolygonWithHoles(outer, holes))
+    return lambda eye: calculator.compute_visibility_polygon(point(eye))
+
+
 print("| what | visibility | the other | times as long | answers |")
 print("|---|---:|---:|---:|---|")
 houses = streets(20)
@@ -84,13 +113,21 @@ theirs, clear = least(at_once)
 row("the same; shapely's tree, all at once", ours, theirs, f"{(clear != seen).sum()} of {len(a)} differ")
 
 small = streets(6)
-town = Plan.from_polygons([[(-10, -10), (130, -10), (130, 130), (-10, 130)], *rings(small)])
+outlines = [[(-10, -10), (130, -10), (130, 130), (-10, 130)], *rings(small)]
+town = Plan.from_polygons(outlines)
 eyes = outside(small, 10, 120)
 lines = shapely.linestrings(town.walls)
 town_tree, corners = shapely.STRtree(lines), town.walls.reshape(-1, 2)
 ours, areas = least(lambda: np.array([shapely.Polygon(town.visibility_polygon(eye)).area for eye in eyes]))
 theirs, others = least(lambda: np.array([by_rays(lines, town_tree, eye, corners, 300.0).area for eye in eyes]), 1)
 row("10 visibility polygons among 148 walls; rays beside corners, by shapely", ours, theirs, f"areas differ by at most {np.abs(others / areas - 1).max():.1e}")
+for name, make in ("VisiLibity", by_visilibity), ("CGAL (pyvispoly)", by_cgal):
+    try:
+        look = make(outlines)
+    except ImportError:
+        continue
+    theirs, others = least(lambda: np.array([float(look(eye).area()) for eye in eyes]))
+    row(f"the same; {name}", ours, theirs, f"areas differ by at most {np.abs(others / areas - 1).max():.1e}")
 
 scene, meshes = Scene(origin=(200, 200, 0)), []
 ground = np.array([[(-50, -50, -1), (450, 450, 0)]], float)

@@ -5,7 +5,8 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
-from visibility import Scene, View
+from visibility import Plan, Scene, View
+from visibility.ifc import cut
 from visibility.scene import _triangulated
 
 AHEAD = View.perspective((0, 0, 0), (1, 0, 0), fov_y=1.0)
@@ -121,17 +122,17 @@ ABOVE = {
 MATTER = ("IfcWall", "IfcWindow", "IfcSite")
 
 
-def ifc(monkeypatch, products, above=ABOVE):
-    """Puts a stand-in in the place of ifcopenshell, and returns the scene and GlobalIds of products: pairs of a class and
-    the transparencies of its styles, as squares at x = 5, with a lamp behind them."""
+def stand_in(monkeypatch, bodies, above=ABOVE):
+    """Puts a stand-in in the place of ifcopenshell, and returns a model of bodies: each a class, positions, triangles, and
+    the transparencies of its styles."""
     shapes = []
-    for kind, styles in products:
+    for kind, positions, triangles, styles in bodies:
         materials = [SimpleNamespace(transparency=transparency) for transparency in styles]
-        geometry = SimpleNamespace(verts=(SQUARE + (5, 0, 0)).ravel(), faces=FACES.ravel(), materials=materials)
+        geometry = SimpleNamespace(verts=np.ravel(positions), faces=np.ravel(triangles), materials=materials)
         shapes.append(SimpleNamespace(guid=kind, geometry=geometry))
 
     def product(kind):
-        return SimpleNamespace(is_a=lambda name: name == kind or name in above[kind])
+        return SimpleNamespace(GlobalId=kind, is_a=lambda name: name == kind or name in above[kind])
 
     def iterator(settings, model):
         rest = iter(shapes[1:])
@@ -147,7 +148,14 @@ def ifc(monkeypatch, products, above=ABOVE):
     geom.settings, geom.iterator, package.geom = lambda: SimpleNamespace(set=lambda *_: None), iterator, geom
     monkeypatch.setitem(sys.modules, "ifcopenshell", package)
     monkeypatch.setitem(sys.modules, "ifcopenshell.geom", geom)
-    scene, names = Scene.from_ifc(SimpleNamespace(by_guid=product))
+    return SimpleNamespace(by_guid=product)
+
+
+def ifc(monkeypatch, products, above=ABOVE):
+    """Returns the scene and GlobalIds of a model of products: pairs of a class and the transparencies of its styles, as
+    squares at x = 5, with a lamp behind them."""
+    bodies = [(kind, SQUARE + (5, 0, 0), FACES, styles) for kind, styles in products]
+    scene, names = Scene.from_ifc(stand_in(monkeypatch, bodies, above))
     return scene, names, scene.add_boxes([[(8, -0.5, -0.5), (9, 0.5, 0.5)]])[0]
 
 
@@ -167,6 +175,54 @@ def test_classes_of_ifc_2x3(monkeypatch):
 def test_transparent_styles_of_ifc_hide_nothing(monkeypatch, styles, hides):
     scene, names, lamp = ifc(monkeypatch, [("IfcWall", styles)])
     assert (names, lamp not in scene.cull(AHEAD)) == (["IfcWall"], hides)
+
+
+#: The triangles of a box of corners in the order of `box_corners`.
+BOX = [(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2), (2, 4, 6), (1, 3, 5), (3, 7, 5)]
+
+
+def box_corners(low, high):
+    return np.array([[(low, high)[number >> axis & 1][axis] for axis in range(3)] for number in range(8)], dtype=float)
+
+
+def test_plans_of_ifc(monkeypatch):
+    above = {**ABOVE, "IfcDoor": ["IfcBuiltElement", "IfcElement"], "IfcSlab": ["IfcBuiltElement", "IfcElement"]}
+    places = {
+        "IfcWall": [(5, -3, 0), (5.2, 3, 2.5)],
+        "IfcDoor": [(5, 3, 0), (5.2, 4, 2)],
+        "IfcWindow": [(5, 4, 1), (5.2, 5, 2)],
+        "IfcSlab": [(5, 5, 0), (5.2, 6, 1.5)],
+        "IfcOpeningElement": [(5, 6, 0), (5.2, 7, 2)],
+        "IfcSpace": [(0, -3, 0), (5, 7, 2.5)],
+    }
+    bodies = [(kind, box_corners(*place), BOX, []) for kind, place in places.items()]
+    model = stand_in(monkeypatch, bodies, above)
+    eyes = np.tile((1.0, 0.5), (5, 1))
+    lamps = [(9.0, (2 * y - 0.5)) for y in (0.5, 3.5, 4.5, 5.5, 6.5)]
+    # A body up to the plane is cut, where each side face adds one segment in place of two; one from the plane up is not.
+    for height, slab, wall in (1.4, 8, 8), (1.5, 4, 8), (1.6, 0, 8), (2.5, 0, 4), (2.6, 0, 0):
+        plan, rooms = Plan.from_ifc(model, height)
+        assert len(plan) == slab + wall and list(rooms) == ["IfcSpace"] * (height < 2.6), height
+        hides = [wall > 0, False, False, slab > 0, False]
+        assert plan.sees(eyes, lamps).tolist() == [not it for it in hides], height
+        for outline in rooms.values():
+            assert (outline.min(axis=(0, 1)).tolist(), outline.max(axis=(0, 1)).tolist()) == ([0, -3], [5, 7])
+    assert len(Plan.from_ifc(model, 0.0)[0]) == 0
+    glass = stand_in(monkeypatch, [("IfcWall", bodies[0][1], BOX, [0.5])], above)
+    assert len(Plan.from_ifc(glass, 1.0)[0]) == 0
+    doors = stand_in(monkeypatch, bodies, above)
+    assert len(Plan.from_ifc(doors, 1.8, transparent=())[0]) == 24
+
+
+def test_cuts_of_slanted_bodies_are_closed():
+    # Both triangles at an edge get the same point: each end of a segment is that of another.
+    random = np.random.default_rng(3)
+    for seed in range(20):
+        turn, _ = np.linalg.qr(random.normal(size=(3, 3)))
+        corners = box_corners((-1, -2, -3), (1, 2, 3)) @ turn + random.normal(size=3)
+        outline = cut(corners, np.array(BOX), corners[:, 2].mean())
+        ends, counts = np.unique(outline.reshape(-1, 2), axis=0, return_counts=True)
+        assert len(outline) >= 6 and (counts == 2).all(), seed
 
 
 def city(*surfaces, kind="Building", solid=False, **parts):

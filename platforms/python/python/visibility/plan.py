@@ -1,8 +1,8 @@
-"""Floor plans from polygons."""
+"""Floor plans from polygons and building models."""
 
 import numpy as np
 
-from . import _visibility
+from . import _visibility, ifc
 
 
 def _ring_walls(ring):
@@ -47,3 +47,23 @@ class Plan(_visibility.Plan):
                 raise ValueError(f"geometry: a {part.geom_type} has no walls")
         walls = np.concatenate(walls) if walls else np.empty((0, 2, 2))
         return cls(np.ascontiguousarray(walls), margin=margin)
+
+    @classmethod
+    def from_ifc(
+        cls, source, height, *, transparent=("IfcWindow", "IfcDoor", "IfcCurtainWall", "IfcPlate"), margin=None
+    ):
+        """Makes a plan of an ``ifcopenshell.file`` or the path of one: its walls and all else that hides, cut at a
+        ``height`` in metres, in the model's coordinates. Returns the plan, and the rooms there: a dictionary of the
+        GlobalIds of IfcSpace and their outlines, (n, 2, 2), which are no walls. Needs the package ifcopenshell.
+
+        ``transparent``: classes that hide nothing, with which doors are open. A product with a style whose
+        transparency is above 0 hides nothing either, whatever its class; what is no matter is left out, as by
+        :meth:`Scene.from_ifc`."""
+        walls, rooms = [np.empty((0, 2, 2))], {}
+        for product, positions, triangles, hides in ifc.bodies(source, transparent):
+            outline = ifc.cut(positions, triangles, height)
+            if product.is_a("IfcSpace") and len(outline):
+                rooms[product.GlobalId] = outline
+            elif hides and ifc.is_matter(product):
+                walls.append(outline)
+        return cls(np.concatenate(walls), margin=margin), rooms

@@ -5,23 +5,8 @@ import os
 
 import numpy as np
 
-from . import _visibility
+from . import _visibility, ifc
 
-#: Classes of IFC whose bodies are no matter. IfcSpatialElement and IfcPositioningElement came after IFC2X3. Sites are
-#: spatial as well, and are ground.
-_IFC_NO_MATTER = (
-    "IfcAnnotation",
-    "IfcFeatureElementSubtraction",
-    "IfcGrid",
-    "IfcLinearElement",
-    "IfcPort",
-    "IfcPositioningElement",
-    "IfcSpatialElement",
-    "IfcSpatialStructureElement",
-    "IfcStructuralActivity",
-    "IfcStructuralItem",
-    "IfcVirtualElement",
-)
 #: Types of CityJSON's semantic surfaces that close an opening of a space, and are no matter.
 _CITY_NO_MATTER = ("ClosureSurface", "WaterClosureSurface")
 #: Types of CityJSON's city objects and semantic surfaces that hide nothing by themselves: what is seen through, or has
@@ -79,28 +64,12 @@ class Scene(_visibility.Scene):
         style whose transparency is above 0 hides nothing either, whatever its class. Bodies that are no matter are
         left out: spaces, zones, storeys and all other spatial elements but sites, voids such as openings, virtual
         elements, annotations, grids and alignments, ports, and the members and loads of structural analysis."""
-        import ifcopenshell
-        import ifcopenshell.geom
-
-        model = ifcopenshell.open(os.fspath(source)) if isinstance(source, (str, os.PathLike)) else source
-        settings = ifcopenshell.geom.settings()
-        settings.set("use-world-coords", True)
         meshes, names, occluders = [], [], []
-        iterator = ifcopenshell.geom.iterator(settings, model)
-        more = iterator.initialize()
-        while more:
-            shape = iterator.get()
-            product = model.by_guid(shape.guid)
-            positions = np.array(shape.geometry.verts, dtype=np.float64).reshape(-1, 3)
-            triangles = np.array(shape.geometry.faces, dtype=np.int64).reshape(-1, 3)
-            is_matter = product.is_a("IfcSite") or not any(product.is_a(kind) for kind in _IFC_NO_MATTER)
-            if len(triangles) and is_matter:
+        for product, positions, triangles, hides in ifc.bodies(source, transparent):
+            if ifc.is_matter(product):
                 meshes.append((positions, triangles))
-                names.append(shape.guid)
-                # A style without a transparency has NaN, which is not above 0.
-                is_clear = any(style.transparency > 0 for style in shape.geometry.materials)
-                occluders.append(not is_clear and not any(product.is_a(kind) for kind in transparent))
-            more = iterator.next()
+                names.append(product.GlobalId)
+                occluders.append(hides)
         return cls._from_meshes(meshes, origin, two_sided, occluders), names
 
     @classmethod
