@@ -5,7 +5,7 @@ use super::hilbert::Curve;
 use super::plan::{BLOCKS, WALL};
 use super::predicates::{in_circle, orient};
 use super::triangulation::{NONE, Triangulation, next, previous};
-use super::{Plan, PlanError, PlanView, Visibility, Wall};
+use super::{Plan, PlanError, PlanObjects, PlanView, Visibility, Wall};
 use alloc::vec::Vec;
 use visibility_testing::Random;
 
@@ -370,5 +370,39 @@ fn crossings_obey_the_least_coordinate() {
     assert_eq!(plan.pieces().len(), 4, "pieces of two walls that cross");
     for (ends, _) in plan.pieces() {
         assert!(ends.iter().flatten().all(|&x| x == 0.0 || x.abs() >= 1e-40), "{ends:?}");
+    }
+}
+
+/// A line of sight at just the height at which a wall begins or ends passes: between two points, for a view,
+/// and along the wall, where it may then change sides.
+#[test]
+fn lines_of_sight_along_the_top_of_a_wall_pass() {
+    let (from, to) = ([-1.0, 0.0], [1.0, 0.0]);
+    let mut answer = Visibility::new();
+    for ([low, high], at, seen) in [
+        ([0.0, 1.0], 1.0, true),
+        ([0.0, 1.0], 0.0, true),
+        ([0.0, 1.0], 0.5, false),
+        ([1.0, 1.0], 1.0, true),
+        ([f64::NEG_INFINITY, f64::INFINITY], 1.0, false),
+    ] {
+        let plan = Plan::new(&[Wall::new([0.0, -1.0], [0.0, 1.0]).with_heights(low, high)]).unwrap();
+        let case = alloc::format!("a line at {at} over a wall from {low} to {high}");
+        assert_eq!(plan.sees_at((from, at), (to, at)), Ok(seen), "{case}");
+        let mut objects = PlanObjects::new(&plan);
+        objects.insert(&plan, &[to]).unwrap();
+        plan.look_at(&PlanView::new(from).with_heights(at, at), &objects, &mut answer).unwrap();
+        assert_eq!(!answer.objects().is_empty(), seen, "{case}: the view");
+    }
+    // The line passes the first wall on the right, runs along a low one, and passes the last on the left.
+    let plan = Plan::new(&[
+        Wall::new([0.0, 0.0], [0.0, 1.0]),
+        Wall::new([0.0, 0.0], [2.0, 0.0]).with_heights(0.0, 1.0),
+        Wall::new([2.0, 0.0], [2.0, -1.0]),
+    ])
+    .unwrap();
+    for (at, seen) in [([0.5, 0.5], false), ([0.0, 1.0], false), ([1.0, 1.0], true), ([1.0, 1.1], true)] {
+        let ends = (([-1.0, 0.0], at[0]), ([3.0, 0.0], at[1]));
+        assert_eq!(plan.sees_at(ends.0, ends.1), Ok(seen), "along a wall at heights {at:?}");
     }
 }

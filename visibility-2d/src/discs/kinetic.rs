@@ -468,7 +468,8 @@ impl<'a> Search<'a> {
             let away = minus(front.center, eye);
             sqrt(dot(away, away)) + 2.0 * reach
         });
-        let is_good = reach > 0.0 && sine > 0.0;
+        // The square of a lesser reach underflows, and would hold eyes beyond it.
+        let is_good = reach * reach >= f64::MIN_POSITIVE && sine > 0.0;
         is_good.then_some(Self { discs, eye, pivot, front, aside, along, length, reach, farthest, bounds })
     }
 
@@ -510,8 +511,9 @@ impl<'a> Search<'a> {
         // A segment with left normal n touches the disc where n . between + aside is radius or -radius.
         for height in [disc.radius - self.aside, -disc.radius - self.aside] {
             let root = sqrt(squared - height * height);
-            // Negated comparison, so that NaN, which overlapping discs can give, is refused.
-            let is_known = root > MIN_SINE * sqrt(squared);
+            // Negated comparison, so that NaN, which overlapping discs can give, is refused. The products of a
+            // lesser square underflow, and the bitangent may point anywhere.
+            let is_known = root > MIN_SINE * sqrt(squared) && squared >= f64::MIN_POSITIVE;
             if !is_known {
                 return None;
             }

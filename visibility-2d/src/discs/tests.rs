@@ -411,3 +411,31 @@ fn nodes_contain_their_discs() {
         assert!(around.iter().all(|x| x.abs() <= 1e300), "{around:?}");
     }
 }
+
+/// Discs so near to each other that the square of their distance underflows, in front of a distant eye; and
+/// an eye that moves beyond a reach whose square underflows.
+#[cfg(feature = "papers")]
+#[test]
+fn zones_keep_nothing_where_squares_underflow() {
+    for scale in [1e-140, 1e-147, 1e-150] {
+        let near = 1e-306 / scale;
+        let discs = [0.0, 1.0, -1.0, 2.0].map(|k| Disc { center: [0.0, 2.5 * k * near], radius: near });
+        let made = Discs::new(&discs).unwrap();
+        let mut kept = super::KineticZone::new(&made, scale);
+        for step in 0..4000 {
+            let turn = 1e-3 * f64::from(step);
+            let eye = [scale * turn.cos(), scale * turn.sin()];
+            let mut seen = kept.move_to(eye).to_vec();
+            seen.sort_unstable();
+            assert_eq!(seen, look(&discs, &DiscView::new(eye)), "scale {scale}, step {step}");
+        }
+    }
+    // The least scale at which a disc has a span.
+    let made = Discs::new(&[Disc { center: [6e-154, 0.0], radius: 1e-154 }]).unwrap();
+    for (reach, is_kept) in [(1e-162, false), (1e-153, true)] {
+        let mut kept = super::KineticZone::new(&made, reach);
+        kept.move_to([0.0; 2]);
+        kept.move_to([1.4e-162, 0.0]);
+        assert_eq!(!kept.work().rebuilt, is_kept, "a move of 1.4e-162 with a reach of {reach}");
+    }
+}
