@@ -225,7 +225,7 @@ impl Plan {
                 }
                 plan.edges.push(HalfEdge { origin: new_vertex[edge.origin as usize], twin });
                 let mut piece = NONE;
-                if edge.walls != NONE && twin < here {
+                if twin < here {
                     piece = plan.piece[twin as usize];
                 } else if edge.walls != NONE {
                     piece = plan.piece_edge.len() as u32;
