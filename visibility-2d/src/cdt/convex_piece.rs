@@ -133,6 +133,7 @@ mod tests {
         let triangle = ConvexPiece::triangle([[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]]);
         let sides = |line: Line| triangle.left_of(line).map(|piece| piece.lines.len());
         assert_eq!(sides(Line([0.0, 0.0], [-1.0, -2.0])), Some(3), "through the corner at 0, cut in two");
+        assert_eq!(sides(Line([0.0, 0.0], [1.0, 2.0])), Some(3), "through the corner at 0, the other part");
         assert_eq!(sides(Line([5.0, -1.0], [3.0, 1.0])), Some(3), "along a side");
         assert_eq!(sides(Line([4.0, -1.0], [4.0, 1.0])), Some(3), "through a corner, with all on the left");
         assert_eq!(sides(Line([4.0, 1.0], [4.0, -1.0])), None, "through a corner, with all on the right");

@@ -422,8 +422,8 @@ fn zones_keep_nothing_where_squares_underflow() {
         let discs = [0.0, 1.0, -1.0, 2.0].map(|k| Disc { center: [0.0, 2.5 * k * near], radius: near });
         let made = Discs::new(&discs).unwrap();
         let mut kept = super::KineticZone::new(&made, scale);
-        for step in 0..4000 {
-            let turn = 1e-3 * f64::from(step);
+        for step in 0..1600 {
+            let turn = 2.5e-3 * f64::from(step);
             let eye = [scale * turn.cos(), scale * turn.sin()];
             let mut seen = kept.move_to(eye).to_vec();
             seen.sort_unstable();
@@ -479,7 +479,7 @@ fn segments_end_on_lines_that_touch_two_discs() {
 fn zones_of_discs_of_many_sizes_are_those_from_scratch() {
     let mut random = Random(26);
     let (mut quiet, mut moves) = (0, 0);
-    for world in 0..600 {
+    for world in 0..300 {
         let mut discs: Vec<Disc> = Vec::new();
         for _ in 0..40 {
             let radius = 10f64.powf(random.fine_range(-2.0, 0.5));

@@ -2,6 +2,8 @@
 //! height, on bounds of sectors and of the plan.
 
 use super::super::predicates::{MAX_MAGNITUDE, MIN_MAGNITUDE, are_heights, checked, orient};
+use super::super::triangulation::NONE;
+use super::super::unseen::SeenCones;
 use super::super::{
     Opacity, Plan, PlanCells, PlanError, PlanObjects, PlanView, RegionVisibility, UnseenRegion, Visibility,
     Wall,
@@ -191,10 +193,9 @@ fn corners_of_polygons_are_ends_of_walls() {
         let walls: Vec<_> = (0..9).map(|k| Wall::new(ends[k], ends[(k + 1) % 9])).collect();
         let eye = [0; 2].map(|_| random.fine_range(-0.3, 0.3));
         Plan::new(&walls).unwrap().look(&PlanView::new(eye), &mut answer).unwrap();
-        for end in &ends {
-            let apart = |p: &Point| (p[0] - end[0]).abs() + (p[1] - end[1]).abs();
-            let nearest = answer.polygon().iter().map(apart).fold(f64::INFINITY, f64::min);
-            assert!(nearest == 0.0 || nearest > 1e-9, "round {round}: {end:?} is missed by {nearest}");
+        for (end, corner) in ends.iter().flat_map(|end| answer.polygon().iter().map(move |p| (end, p))) {
+            let apart = (corner[0] - end[0]).abs() + (corner[1] - end[1]).abs();
+            assert!(apart == 0.0 || apart > 1e-9, "round {round}: {corner:?} misses {end:?} by {apart}");
         }
     }
 }
@@ -283,8 +284,8 @@ fn objects_at_bounds_are_seen() {
     );
 }
 
-/// A point as a region sees the walls that an eye there sees: on vertices, on walls and on lines through
-/// vertices.
+/// A point as a region sees the walls and the triangles that an eye there sees: on vertices, on walls and on
+/// lines through vertices.
 #[test]
 fn points_as_regions_see_as_eyes_do() {
     let (mut answer, mut region) = (Visibility::new(), RegionVisibility::new());
@@ -304,6 +305,12 @@ fn points_as_regions_see_as_eyes_do() {
             plan.look(&PlanView::new(eye), &mut answer).unwrap();
             plan.look_from_region(&[eye], &mut region).unwrap();
             assert_eq!(sorted(region.walls()), sorted(answer.walls()), "seed {seed}: from {eye:?}");
+            let mut seen = SeenCones::default();
+            seen.look(&plan, eye, plan.locate_near(eye, NONE), false);
+            let mut triangles: Vec<_> = seen.parts().map(|(t, _)| t).collect();
+            triangles.sort_unstable();
+            triangles.dedup();
+            assert_eq!(sorted(region.triangles()), triangles, "seed {seed}: triangles from {eye:?}");
         }
     }
 }
@@ -426,4 +433,41 @@ fn orientations_are_exact() {
         }
     }
     assert!(counts.iter().all(|&count| count > 500), "{counts:?}");
+}
+
+/// Points for which the difference of the rounded products has the wrong sign, and is above half of the bound on
+/// its error. Signs by fractions.
+#[test]
+fn orientations_within_the_bound_on_errors_are_exact() {
+    for (a, b, c, expected) in [
+        (
+            [5.379136162094687, 8.315950028339898],
+            [35.29163971685809, 60.265036130586054],
+            [0.7422078432929635, 0.2629902337052985],
+            -1.0,
+        ),
+        (
+            [2.5494799235778167, 2.70484348688857],
+            [65.39569467256018, 65.55107119773253],
+            [-0.016419422372990544, 0.13894361172797143],
+            -1.0,
+        ),
+        (
+            [3.436209347547117, 4.555545814824457],
+            [10.415414712229301, 11.534749743228646],
+            [-0.21636541502067286, 0.9029718039343273],
+            1.0,
+        ),
+        (
+            [9.85631235935697, 8.575292981655513],
+            [287.05003436095086, 285.76905468210316],
+            [0.6485177837177618, -0.6325029126964261],
+            -1.0,
+        ),
+    ] {
+        assert!(orient(a, b, c) * expected > 0.0, "orientation of {a:?}, {b:?} and {c:?}");
+        let plan = Plan::new(&[Wall::new(a, b)]).unwrap();
+        let is_left = super::super::expand::is_left_of(&plan, c, [a, b]);
+        assert_eq!(is_left, Some(expected > 0.0), "rays from {c:?} through {a:?} and {b:?}");
+    }
 }
