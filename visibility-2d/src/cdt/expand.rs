@@ -243,8 +243,8 @@ impl Expansion<'_> {
     }
 }
 
-/// Returns whether the ray from an eye through the second of two vertices of a plan is strictly to the left of
-/// that through the first. `None` if a point is no vertex.
+/// Returns whether the ray from an eye through the second of two vertices of a plan is strictly to the left
+/// of that through the first. `None` if a point is no vertex.
 #[cfg(test)]
 pub(super) fn is_left_of(plan: &Plan, eye: Point, points: [Point; 2]) -> Option<bool> {
     let expansion = Expansion { plan, eye, sector: &[] };

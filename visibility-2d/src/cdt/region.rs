@@ -179,8 +179,8 @@ impl Plan {
         for index in 0..answer.triangles.len() {
             let first = 3 * answer.triangles[index];
             for edge in first..first + 3 {
-                // The region touches the triangle, so it sees all walls along its edges. Those along whose line
-                // it lies it touches, like an eye on a wall.
+                // The region touches the triangle, so it sees all walls along its edges. It touches those on
+                // whose line it lies, like an eye on a wall.
                 let piece = self.piece[edge as usize];
                 if piece != NONE {
                     let walls = self.walls_of(piece);

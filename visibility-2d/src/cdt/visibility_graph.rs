@@ -132,7 +132,8 @@ impl VisibilityGraph {
         let point = plan.points[vertex as usize];
         for (&right, &left) in walls.iter().zip(walls.iter().cycle().skip(1)) {
             let [a, b] = [right, left].map(|h| plan.start(next(h)));
-            // Two walls in opposite directions leave half a turn free on either side, a single one all around.
+            // Two walls in opposite directions leave half a turn free on either side. A single one leaves a
+            // whole turn.
             if orient(point, a, b) <= 0.0 {
                 self.corners.push(Corner { vertex, walls: [right, left] });
             }

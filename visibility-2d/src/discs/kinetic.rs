@@ -511,8 +511,8 @@ impl<'a> Search<'a> {
         // A segment with left normal n touches the disc where n . between + aside is radius or -radius.
         for height in [disc.radius - self.aside, -disc.radius - self.aside] {
             let root = sqrt(squared - height * height);
-            // Negated comparison, so that NaN, which overlapping discs can give, is refused. The products of a
-            // lesser square underflow, and the bitangent may point anywhere.
+            // Negated comparison, so that NaN, which overlapping discs can give, is refused. The products of
+            // a lesser square underflow, and the bitangent may point anywhere.
             let is_known = root > MIN_SINE * sqrt(squared) && squared >= f64::MIN_POSITIVE;
             if !is_known {
                 return None;

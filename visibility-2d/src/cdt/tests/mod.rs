@@ -406,7 +406,8 @@ fn labels_that_differ_are_erased() {
     assert_eq!(of.erased_bounds, [[-1.0, -2.0], [3.0, 4.0]], "bounds of both");
 }
 
-/// A wall parallel to an axis is not bent through a vertex beside it, though the wall that crosses it there is.
+/// A wall parallel to an axis is not bent through a vertex beside it, though the wall that crosses it there
+/// is.
 #[test]
 fn walls_along_an_axis_stay_straight() {
     for (up, by) in [(true, 1.0), (true, -1.0), (false, 1.0), (false, -1.0)] {

@@ -435,8 +435,8 @@ fn orientations_are_exact() {
     assert!(counts.iter().all(|&count| count > 500), "{counts:?}");
 }
 
-/// Points for which the difference of the rounded products has the wrong sign, and is above half of the bound on
-/// its error. Signs by fractions.
+/// Points for which the difference of the rounded products has the wrong sign, and is above half of the bound
+/// on its error. Signs by fractions.
 #[test]
 fn orientations_within_the_bound_on_errors_are_exact() {
     for (a, b, c, expected) in [
