@@ -415,13 +415,9 @@ fn may_bend([a, b]: [Point; 2], through: Point) -> bool {
     let along = [b[0] - a[0], b[1] - a[1]].map(f64::abs);
     let axis = usize::from(along[1] > along[0]);
     let is_between = a[axis].min(b[axis]) < through[axis] && through[axis] < a[axis].max(b[axis]);
-    let is_bendable = along[1 - axis] > 0.0 || through[1 - axis] == a[1 - axis];
     let is_in_box = a[1 - axis].min(b[1 - axis]) <= through[1 - axis]
         && through[1 - axis] <= a[1 - axis].max(b[1 - axis]);
-    is_between
-        && is_in_box
-        && is_bendable
-        && area(a, b, through).abs() <= rounding(&[a, b, through]) * along[axis]
+    is_between && is_in_box && area(a, b, through).abs() <= rounding(&[a, b, through]) * along[axis]
 }
 
 /// Returns the distance within which points that were rounded several times count as one.
@@ -450,4 +446,18 @@ fn crossing(a: Point, b: Point, c: Point, d: Point) -> Point {
         let x = x.max(c[axis].min(d[axis])).min(c[axis].max(d[axis]));
         if x.abs() < MIN_MAGNITUDE { 0.0 } else { x }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A crossing at the least coordinates stays on a wall there.
+    #[test]
+    fn crossings_keep_the_least_coordinates() {
+        for least in [MIN_MAGNITUDE, -MIN_MAGNITUDE] {
+            let found = crossing([-1.0, least], [1.0, least], [0.0, -1.0], [0.0, 1.0]);
+            assert_eq!(found, [0.0, least], "on a wall at {least}");
+        }
+    }
 }

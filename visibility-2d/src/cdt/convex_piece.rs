@@ -127,6 +127,20 @@ impl ConvexPiece {
 mod tests {
     use super::*;
 
+    /// Lines through a corner or along a side add no side that is a point.
+    #[test]
+    fn lines_through_corners_add_no_side_without_length() {
+        let triangle = ConvexPiece::triangle([[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]]);
+        let sides = |line: Line| triangle.left_of(line).map(|piece| piece.lines.len());
+        assert_eq!(sides(Line([0.0, 0.0], [-1.0, -2.0])), Some(3), "through the corner at 0, cut in two");
+        assert_eq!(sides(Line([0.0, 0.0], [1.0, 2.0])), Some(3), "through the corner at 0, the other part");
+        assert_eq!(sides(Line([5.0, -1.0], [3.0, 1.0])), Some(3), "along a side");
+        assert_eq!(sides(Line([4.0, -1.0], [4.0, 1.0])), Some(3), "through a corner, with all on the left");
+        assert_eq!(sides(Line([4.0, 1.0], [4.0, -1.0])), None, "through a corner, with all on the right");
+        assert_eq!(sides(Line([1.0, -1.0], [1.0, 5.0])), Some(4), "across");
+        assert_eq!(sides(Line([1.0, 5.0], [1.0, -1.0])), Some(3), "across, to the other side");
+    }
+
     /// Lines that are parallel or nearly so have no crossing or one far off. Corners stay in the rectangle.
     #[test]
     fn corners_stay_around_the_triangle() {

@@ -119,19 +119,14 @@ impl Expansion<'_> {
             Place::Outside => {
                 // The one or two outer edges that face the eye, the right one first.
                 let mut outer = plan.outer();
-                let is_before = outer.map(|h| {
+                let faces = |h: u32| {
                     let [a, b] = plan.ends(h);
                     orient(a, b, self.eye) < 0.0
-                });
-                if is_before[0] && is_before[3] {
+                };
+                if faces(outer[3]) {
                     outer.rotate_left(1);
                 }
-                for h in outer.into_iter().rev() {
-                    let [a, b] = plan.ends(h);
-                    if orient(a, b, self.eye) < 0.0 {
-                        push(h, true);
-                    }
-                }
+                outer.into_iter().rev().filter(|&h| faces(h)).for_each(|h| push(h, true));
             }
         }
     }
@@ -164,15 +159,9 @@ impl Expansion<'_> {
     }
 
     /// Returns whether `ray` is strictly inside the cone from `right` to `left`, or on its right bound. The
-    /// cone must be narrower than half a turn.
+    /// cone must be narrower than half a turn: then the ray opposite to `right` has `left` on its right.
     fn holds(&self, right: Ray, left: Ray, ray: Ray) -> bool {
-        !self.is_left(ray, right)
-            && self.is_left(ray, left)
-            && (self.is_left(right, ray) || self.is_same_direction(right, ray))
-    }
-
-    fn is_same_direction(&self, a: Ray, b: Ray) -> bool {
-        super::predicates::is_same_way(self.eye, self.point(a.point), self.point(b.point))
+        !self.is_left(ray, right) && self.is_left(ray, left)
     }
 
     /// Follows the cones on the stack, the last one first. Calls `meet(edge, right, left, met)` for each part
@@ -252,4 +241,13 @@ impl Expansion<'_> {
         let share = if share > 0.0 { share.min(1.0) } else { 0.0 };
         [0, 1].map(|axis| a[axis] + share * (b[axis] - a[axis]))
     }
+}
+
+/// Returns whether the ray from an eye through the second of two vertices of a plan is strictly to the left
+/// of that through the first. `None` if a point is no vertex.
+#[cfg(test)]
+pub(super) fn is_left_of(plan: &Plan, eye: Point, points: [Point; 2]) -> Option<bool> {
+    let expansion = Expansion { plan, eye, sector: &[] };
+    let ray = |point| Some(expansion.ray(plan.points.iter().position(|p| *p == point)? as u32));
+    Some(expansion.is_left(ray(points[0])?, ray(points[1])?))
 }

@@ -288,3 +288,41 @@ fn witnesses(plan: &Plan, region: &UnseenRegion) -> Vec<Point> {
     }
     witnesses
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Opacity, Wall};
+    use super::*;
+
+    #[test]
+    fn guards_stand_on_no_wall() {
+        let glass = Wall::new([0.0, 2.0], [4.0, 2.0]).with_opacity(Opacity::Clear);
+        let plan = Plan::from_walls(&[Wall::new([0.0, 0.0], [4.0, 0.0]), glass], 2.0).unwrap();
+        for (point, stands) in [
+            ([1.0, 0.0], false),
+            ([0.0, 0.0], false),
+            ([1.0, 2.0], true),
+            ([0.0, 2.0], true),
+            ([1.0, 1.0], true),
+            ([1.0, -2.0], false),
+            ([1.0, -3.0], false),
+            ([f64::NAN, 1.0], false),
+        ] {
+            assert_eq!(standing(&plan, point).is_some(), stands, "{point:?}");
+        }
+    }
+
+    /// Of two guards that see all of a room, one is needless, not both.
+    #[test]
+    fn a_guard_that_was_dropped_sees_nothing() {
+        let corners = [[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]];
+        let plan = Plan::new(&[0, 1, 2].map(|k| Wall::new(corners[k], corners[(k + 1) % 3]))).unwrap();
+        let region = UnseenRegion::reachable(&plan, &[[1.0, 1.0]]).unwrap();
+        let guards = [[1.0, 1.0], [1.0, 2.0], [2.0, 1.0]].map(|point| {
+            let mut seen = SeenCones::default();
+            seen.look(&plan, point, plan.locate_near(point, NONE), false);
+            (point, seen)
+        });
+        assert_eq!(without_needless(&region, &guards), [0], "the first of three guards");
+    }
+}

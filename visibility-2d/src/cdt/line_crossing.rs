@@ -175,6 +175,21 @@ mod tests {
         assert_eq!(flat, [2.0, 1.0], "crossing of nearly parallel lines");
     }
 
+    /// Lines through a common given point cross there, to the last bit.
+    #[test]
+    fn crossings_at_a_common_point_are_exact() {
+        let mut random = Random(5);
+        for round in 0..100 {
+            let [p, a, b] =
+                [0; 3].map(|_| [0; 2].map(|_| random.fine_range(-1.0, 1.0) * random.pick(&[1e-3, 1.0, 1e3])));
+            for one in [Line(p, a), Line(a, p)] {
+                for other in [Line(p, b), Line(b, p)] {
+                    assert_eq!(one.crossing(other), p, "round {round}: {one:?} and {other:?}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn sides_of_crossings_are_exact() {
         let mut counts = [0; 3];

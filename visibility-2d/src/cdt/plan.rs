@@ -225,7 +225,7 @@ impl Plan {
                 }
                 plan.edges.push(HalfEdge { origin: new_vertex[edge.origin as usize], twin });
                 let mut piece = NONE;
-                if edge.walls != NONE && twin < here {
+                if twin < here {
                     piece = plan.piece[twin as usize];
                 } else if edge.walls != NONE {
                     piece = plan.piece_edge.len() as u32;
@@ -384,13 +384,16 @@ impl Plan {
         &self.walls_of_pieces[self.first_wall[piece] as usize..self.first_wall[piece + 1] as usize]
     }
 
-    /// Returns whether a wall along a half-edge stops lines of sight out of its triangle at all heights from
-    /// `low` to `high`.
+    /// Returns whether a wall along a half-edge stops lines of sight out of its triangle at all heights
+    /// strictly between `low` and `high`. If both are equal, whether it stops those at this height: not where
+    /// the wall's lower or upper end is at the same height.
     pub(crate) fn stops_between(&self, h: u32, [low, high]: [f64; 2]) -> bool {
         let piece = self.piece[h as usize];
         let stops = |&wall: &u32| {
             let wall = &self.walls[wall as usize];
-            wall.heights[0] <= low && high <= wall.heights[1] && wall.stops(self.ends(h))
+            let [of_wall, to_wall] = wall.heights;
+            let covers = of_wall <= low && high <= to_wall;
+            covers && (low < high || of_wall < low && high < to_wall) && wall.stops(self.ends(h))
         };
         piece != NONE && self.walls_of(piece).iter().any(stops)
     }

@@ -136,3 +136,49 @@ impl Reach {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Wall;
+    use super::*;
+
+    /// Marks of searches before the number of searches wraps count no more.
+    #[test]
+    fn marks_are_forgotten_when_searches_wrap() {
+        let plan = Plan::new(&[Wall::new([-1.0, 1.0], [1.0, 1.0])]).unwrap();
+        let mut reach = Reach::default();
+        let search = |reach: &mut Reach| {
+            reach.search(
+                &plan,
+                [0.0, 0.0],
+                plan.locate_near([0.0, 0.0], super::super::triangulation::NONE),
+                |_| true,
+            );
+            reach.vertices.len()
+        };
+        let found = search(&mut reach);
+        reach.search = u32::MAX;
+        reach.marks.fill(0);
+        assert_eq!(search(&mut reach), found, "vertices that the point reaches");
+    }
+
+    /// Of vertices on one ray, the point reaches those up to the first at which a wall ends, and that one.
+    #[test]
+    fn rays_end_where_they_touch_a_wall() {
+        let walls = [1.0, 2.0, 3.0]
+            .map(|k| Wall::new([k, k], [k + 0.5, k - 1.0]).with_opacity(super::super::Opacity::Clear));
+        let plan = Plan::new(&walls).unwrap();
+        let place = plan.locate_near([0.0, 0.0], super::super::triangulation::NONE);
+        for corners in 0..8 {
+            let is_corner = |v: u32| {
+                let [x, y] = plan.points[v as usize];
+                x == y && (1.0..4.0).contains(&x) && corners >> x as u32 & 1 != 0
+            };
+            let mut reach = Reach::default();
+            reach.search(&plan, [0.0, 0.0], place, is_corner);
+            let is_found = |k: f64| reach.vertices.iter().any(|&v| plan.points[v as usize] == [k; 2]);
+            let expected = [true, corners & 2 == 0, corners & 6 == 0];
+            assert_eq!([1.0, 2.0, 3.0].map(is_found), expected, "walls end at {corners:b}");
+        }
+    }
+}

@@ -179,13 +179,10 @@ impl Plan {
         for index in 0..answer.triangles.len() {
             let first = 3 * answer.triangles[index];
             for edge in first..first + 3 {
-                // A region without area that touches a wall sees this wall, like an eye on it.
+                // The region touches the triangle, so it sees all walls along its edges. It touches those on
+                // whose line it lies, like an eye on a wall.
                 let piece = self.piece[edge as usize];
-                let [a, b] = self.ends(edge);
-                if piece != NONE
-                    && answer.hull.len() < 3
-                    && answer.hull.iter().all(|&p| orient(a, b, p) == 0.0)
-                {
+                if piece != NONE {
                     let walls = self.walls_of(piece);
                     add_walls(&mut answer.walls, &mut answer.wall_marks, answer.query, walls);
                 }
@@ -365,14 +362,14 @@ impl Plan {
 fn overlap(one: &[Point], other: &[Point]) -> bool {
     let have_area = one.len() > 2 && other.len() > 2;
     let is_apart = |of: &[Point], others: &[Point]| {
-        of.len() > 1
-            && (0..of.len()).any(|k| {
-                let (a, b) = (of[k], of[(k + 1) % of.len()]);
-                others.iter().all(|&p| {
-                    let side = orient(a, b, p);
-                    if have_area { side <= 0.0 } else { side < 0.0 }
-                })
+        // Of a point, the only side has equal ends, and no point is strictly beside it.
+        (0..of.len()).any(|k| {
+            let (a, b) = (of[k], of[(k + 1) % of.len()]);
+            others.iter().all(|&p| {
+                let side = orient(a, b, p);
+                if have_area { side <= 0.0 } else { side < 0.0 }
             })
+        })
     };
     !is_apart(one, other) && !is_apart(other, one)
 }
@@ -449,5 +446,66 @@ pub(super) fn convex_hull(points: &mut Vec<Point>, hull: &mut Vec<Point>) {
     // The upper chain ends where the lower one begins.
     if hull.len() > 1 {
         hull.pop();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn polygons_without_area_overlap_what_they_touch() {
+        let triangle = [[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]];
+        let beside = [[0.0, -2.0], [4.0, -2.0], [4.0, 0.0], [0.0, 0.0]];
+        let across = [[1.0, -2.0], [2.0, -2.0], [2.0, 1.0], [1.0, 1.0]];
+        assert!(
+            !overlap(&triangle, &beside) && overlap(&triangle, &across),
+            "with an area, more than touching"
+        );
+        for (ends, touches) in [
+            ([[0.0, 0.0], [4.0, 0.0]], true),
+            ([[4.0, 0.0], [9.0, 0.0]], true),
+            ([[4.0, -1.0], [4.0, 1.0]], true),
+            ([[4.5, -1.0], [4.5, 1.0]], false),
+            ([[5.0, 0.0], [9.0, 0.0]], false),
+        ] {
+            assert_eq!(overlap(&ends, &triangle), touches, "{ends:?} and the triangle");
+            assert_eq!(overlap(&triangle, &ends), touches, "the triangle and {ends:?}");
+        }
+        for (point, touches) in
+            [([0.0, 4.0], true), ([2.0, 2.0], true), ([2.0, 2.5], false), ([1.0, 1.0], true)]
+        {
+            assert_eq!(overlap(&triangle, &[point]), touches, "the triangle and {point:?}");
+            assert_eq!(contains(&triangle, point), touches, "{point:?} in the triangle");
+        }
+        assert!(!contains(&[[0.0, 0.0], [4.0, 0.0]], [2.0, 0.0]), "a segment contains no point");
+    }
+
+    #[test]
+    fn hulls_have_no_corner_on_a_side() {
+        let mut hull = Vec::new();
+        let mut corners = |points: &[Point]| {
+            convex_hull(&mut points.to_vec(), &mut hull);
+            hull.clone()
+        };
+        let ends = [[0.0, 0.0], [4.0, 2.0]];
+        assert_eq!(corners(&[ends[1], [2.0, 1.0], ends[0]]), ends, "points on a line");
+        assert_eq!(corners(&[ends[1], ends[1]]), [ends[1]], "equal points");
+        let square = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+        let more = [[1.0, 0.0], [1.0, 1.0], [2.0, 1.0], [1.0, 2.0], [0.0, 1.0]];
+        assert_eq!(corners(&[&square[..], &more].concat()), square, "points inside and on sides");
+    }
+
+    /// Marks of queries before the number of queries wraps count no more.
+    #[test]
+    fn marks_are_forgotten_when_queries_wrap() {
+        let plan = Plan::new(&[super::super::Wall::new([-1.0, 1.0], [1.0, 1.0])]).unwrap();
+        let mut answer = RegionVisibility::new();
+        plan.look_from_region(&[[0.0, 0.0]], &mut answer).unwrap();
+        answer.query = u32::MAX;
+        answer.triangle_marks.fill(0);
+        answer.wall_marks.fill(0);
+        plan.look_from_region(&[[0.0, 0.0]], &mut answer).unwrap();
+        assert_eq!(answer.walls(), [0], "the wall that the region sees");
     }
 }

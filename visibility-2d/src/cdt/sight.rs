@@ -326,12 +326,9 @@ impl Walk<'_> {
         let plan = self.plan;
         for h in plan.outer() {
             let [p, q] = plan.ends(h);
-            // The rectangle's sides are parallel to the axes, so comparing coordinates is exact.
-            let axis = usize::from(p[1] == q[1]);
-            let inwards = if axis == 1 { q[0] > p[0] } else { q[1] < p[1] };
-            let forward = if inwards { self.b[axis] > self.a[axis] } else { self.b[axis] < self.a[axis] };
+            // A side whose first end is to the left and whose second end is to the right is ahead.
             let before = orient(p, q, self.a) < 0.0;
-            if before && forward && self.side(p) > 0.0 && self.side(q) < 0.0 {
+            if before && self.side(p) > 0.0 && self.side(q) < 0.0 {
                 let reaches = self.is_ray || orient(p, q, self.b) > 0.0;
                 return if reaches { self.cross(h) } else { None };
             }

@@ -366,3 +366,27 @@ impl HidingPlaces {
         Ok(pieces.iter().filter_map(number).min())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pieces on either side of the x axis, from and up to given places, share a part if that is no point.
+    #[test]
+    fn pieces_that_touch_at_a_point_share_no_part() {
+        let up = |x: f64| Line([x, -1.0], [x, 1.0]);
+        let axis = Line([0.0, 0.0], [8.0, 0.0]);
+        let share = |[a, b]: [f64; 2], [c, d]: [f64; 2]| {
+            share_a_part([up(a).reversed(), axis, up(b)], [up(d), axis.reversed(), up(c).reversed()])
+        };
+        for (one, other, is_shared) in [
+            ([0.0, 2.0], [1.0, 3.0], true),
+            ([0.0, 2.0], [0.0, 2.0], true),
+            ([0.0, 2.0], [2.0, 3.0], false),
+            ([2.0, 3.0], [0.0, 2.0], false),
+            ([0.0, 1.0], [2.0, 3.0], false),
+        ] {
+            assert_eq!(share(one, other), is_shared, "{one:?} and {other:?}");
+        }
+    }
+}

@@ -303,3 +303,28 @@ fn doubled_area(polygon: &[Point], eye: Point) -> f64 {
     let after = polygon.iter().cycle().skip(1);
     polygon.iter().zip(after).map(|(&a, &b)| chord(eye, a, b)).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Marks of queries before the number of queries wraps count no more.
+    #[test]
+    fn marks_are_forgotten_when_queries_wrap() {
+        let plan = Plan::new(&[super::super::Wall::new([-1.0, 1.0], [1.0, 1.0])]).unwrap();
+        let mut objects = PlanObjects::new(&plan);
+        objects.insert(&plan, &[[0.0, 0.5]]).unwrap();
+        let mut answer = Visibility::new();
+        let view = PlanView::new([0.0, 0.0]);
+        plan.look_at(&view, &objects, &mut answer).unwrap();
+        answer.query = u32::MAX;
+        answer.marks.fill(0);
+        answer.object_marks.fill(0);
+        plan.look_at(&view, &objects, &mut answer).unwrap();
+        assert_eq!(
+            (answer.walls(), answer.objects()),
+            (&[0][..], &[0][..]),
+            "wall and object that the eye sees"
+        );
+    }
+}

@@ -129,16 +129,16 @@ impl VisibilityGraph {
     /// Adds the corners of a vertex, in the order of their numbers.
     fn push_corners(&mut self, plan: &Plan, vertex: u32) {
         let walls: Vec<_> = plan.fan(plan.out[vertex as usize]).filter(|&h| plan.is_solid(h)).collect();
-        let count = walls.len();
         let point = plan.points[vertex as usize];
         for (&right, &left) in walls.iter().zip(walls.iter().cycle().skip(1)) {
             let [a, b] = [right, left].map(|h| plan.start(next(h)));
-            // Two walls in opposite directions leave half a turn free on either side.
-            if count == 1 || orient(point, a, b) <= 0.0 {
+            // Two walls in opposite directions leave half a turn free on either side. A single one leaves a
+            // whole turn.
+            if orient(point, a, b) <= 0.0 {
                 self.corners.push(Corner { vertex, walls: [right, left] });
             }
         }
-        self.solid.push(count > 0);
+        self.solid.push(!walls.is_empty());
         self.first_corner.push(self.corners.len() as u32);
     }
 

@@ -468,7 +468,8 @@ impl<'a> Search<'a> {
             let away = minus(front.center, eye);
             sqrt(dot(away, away)) + 2.0 * reach
         });
-        let is_good = reach > 0.0 && sine > 0.0;
+        // The square of a lesser reach underflows, and would hold eyes beyond it.
+        let is_good = reach > 0.0 && reach * reach >= f64::MIN_POSITIVE && sine > 0.0;
         is_good.then_some(Self { discs, eye, pivot, front, aside, along, length, reach, farthest, bounds })
     }
 
@@ -510,8 +511,9 @@ impl<'a> Search<'a> {
         // A segment with left normal n touches the disc where n . between + aside is radius or -radius.
         for height in [disc.radius - self.aside, -disc.radius - self.aside] {
             let root = sqrt(squared - height * height);
-            // Negated comparison, so that NaN, which overlapping discs can give, is refused.
-            let is_known = root > MIN_SINE * sqrt(squared);
+            // Negated comparison, so that NaN, which overlapping discs can give, is refused. The products of
+            // a lesser square underflow, and the bitangent may point anywhere.
+            let is_known = root > MIN_SINE * sqrt(squared) && squared >= f64::MIN_POSITIVE;
             if !is_known {
                 return None;
             }
@@ -557,5 +559,50 @@ impl<'a> Search<'a> {
             bounds[k] = HalfPlane { normal, offset };
         }
         Some(Class { anchor: self.eye, reach_squared: self.reach * self.reach, bounds })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::Random;
+
+    /// Points on the segment in any position that it rolls to are not left out, nor are those it nearly
+    /// touches; points behind the eye, beyond the front and to either side are.
+    #[test]
+    fn segments_touch_what_they_roll_over() {
+        let mut random = Random(27);
+        for round in 0..2_000 {
+            let turn = random.fine_range(0.0, 7.0);
+            let at = |ahead: f64| [ahead * turn.cos(), ahead * turn.sin()];
+            let pivot = Disc { center: at(random.fine_range(1.5, 4.0)), radius: 1.0 };
+            let made = Discs::new(&[pivot, Disc { center: at(30.0), radius: 1.0 }]).unwrap();
+            let of =
+                |center: [f64; 2]| made.discs.iter().position(|disc| disc.center == center).unwrap() as u32;
+            let (is_first, reach) = (random.one_in(2), random.fine_range(0.01, 2.0));
+            let search =
+                Search::new(&made, [0.0; 2], of(pivot.center), of(at(30.0)), is_first, reach).unwrap();
+            for share in [-1.0, 1.0, random.fine_range(-1.0, 1.0)] {
+                let sine = share * search.bounds[1].sine;
+                let cosine = sqrt(1.0 - sine * sine);
+                let [u, v] = search.along;
+                let along = [u * cosine - v * sine, v * cosine + u * sine];
+                let foot = [0, 1].map(|k| pivot.center[k] - search.aside * left_of(along)[k]);
+                let by = random.fine_range(-search.length, 20.0);
+                let [x, y] = [0, 1].map(|k| foot[k] + by * along[k]);
+                assert!(search.may_touch([x, y, x, y]), "round {round}: {x}, {y} on the segment, {share}");
+            }
+            let point = |ahead: f64, aside: f64| {
+                let [x, y] = [0, 1].map(|k| ahead * search.along[k] + aside * left_of(search.along)[k]);
+                search.may_touch([x, y, x, y])
+            };
+            let reach = search.reach;
+            assert!(!point(-2.1 * reach, 0.0), "round {round}: behind the eye");
+            assert!(!point(search.farthest + 1e-6, 0.0), "round {round}: beyond the front");
+            assert!(
+                !point(search.length, 0.3) && !point(search.length, -0.3),
+                "round {round}: beside the pivot"
+            );
+        }
     }
 }

@@ -411,3 +411,114 @@ fn nodes_contain_their_discs() {
         assert!(around.iter().all(|x| x.abs() <= 1e300), "{around:?}");
     }
 }
+
+/// Discs so near to each other that the square of their distance underflows, in front of a distant eye; and
+/// an eye that moves beyond a reach whose square underflows.
+#[cfg(feature = "papers")]
+#[test]
+fn zones_keep_nothing_where_squares_underflow() {
+    for scale in [1e-140, 1e-147, 1e-150] {
+        let near = 1e-306 / scale;
+        let discs = [(0.0, 1.0), (1.5, 0.1), (-1.5, 0.1)]
+            .map(|(y, radius)| Disc { center: [0.0, y * near], radius: radius * near });
+        let made = Discs::new(&discs).unwrap();
+        let mut kept = super::KineticZone::new(&made, scale);
+        for step in 0..1600 {
+            let turn = 2.5e-3 * f64::from(step);
+            let eye = [scale * turn.cos(), scale * turn.sin()];
+            let mut seen = kept.move_to(eye).to_vec();
+            seen.sort_unstable();
+            assert_eq!(seen, look(&discs, &DiscView::new(eye)), "scale {scale}, step {step}");
+        }
+    }
+    // The least scale at which a disc has a span.
+    let made = Discs::new(&[Disc { center: [6e-154, 0.0], radius: 1e-154 }]).unwrap();
+    for (reach, is_kept) in [(1e-162, false), (1e-153, true)] {
+        let mut kept = super::KineticZone::new(&made, reach);
+        kept.move_to([0.0; 2]);
+        kept.move_to([1.4e-162, 0.0]);
+        assert_eq!(!kept.work().rebuilt, is_kept, "a move of 1.4e-162 with a reach of {reach}");
+    }
+}
+
+/// Segments at an eye on a line that touches two discs, by whole numbers, are ended; a little before they are
+/// kept.
+#[cfg(feature = "papers")]
+#[test]
+fn segments_end_on_lines_that_touch_two_discs() {
+    let mut random = Random(25);
+    let [mut ended, mut kept_before] = [0; 2];
+    for round in 0..4_000 {
+        let ray = whole_direction(&mut random, 8);
+        let [p, q, _] = ray.map(|x| x as f64);
+        let mut side = || if random.one_in(2) { 1 } else { -1 };
+        let sides = [side(), side()];
+        let near = touching(ray, 100, 1 + random.below(40) as i64, sides[0]);
+        let far = touching(ray, 300, 1 + random.below(40) as i64, sides[1]);
+        let made = Discs::new(&[near, far]).unwrap();
+        let mut zone = super::KineticZone::new(&made, 1e9);
+        // A few of 100 steps aside.
+        let aside = random.fine_range(0.1, 5.0) * f64::from(random.pick(&[-1, 1]));
+        let at = |share: f64| [-q * aside * share, p * aside * share];
+        zone.move_to(at(1.0));
+        zone.move_to(at(0.5));
+        kept_before += usize::from(zone.work().ended == 0);
+        zone.move_to(at(1e-3));
+        let seen = look(&[near, far], &DiscView::new([0.0; 2]));
+        let mut moved = zone.move_to([0.0; 2]).to_vec();
+        moved.sort_unstable();
+        assert_eq!(moved, seen, "round {round}: {near:?} and {far:?}");
+        assert!(zone.work().ended > 0, "round {round}: {near:?} and {far:?}, {aside} aside");
+        ended += 1;
+    }
+    assert!(kept_before > ended * 9 / 10, "{kept_before} of {ended} are kept until close to the line");
+}
+
+/// Discs of many sizes, from an eye that moves up to the reach and beyond: what is kept is what is seen.
+#[cfg(feature = "papers")]
+#[test]
+fn zones_of_discs_of_many_sizes_are_those_from_scratch() {
+    let mut random = Random(26);
+    let (mut quiet, mut moves) = (0, 0);
+    for world in 0..300 {
+        let mut discs: Vec<Disc> = Vec::new();
+        // In half of the worlds, the first eye sees the first disc from the direction 0 on, or up to it.
+        let mut eye = [0; 2].map(|_| random.fine_range(-2.0, 14.0));
+        if world % 2 == 0 {
+            eye = [0.0, 6.0];
+            let [far, radius] = [0; 2].map(|_| f64::from(random.between(1, 3)));
+            discs.push(Disc { center: [far, 6.0 + radius * random.pick(&[-1.0, 1.0])], radius });
+        }
+        for _ in 0..40 {
+            let radius = 10f64.powf(random.fine_range(-2.0, 0.5));
+            let disc = Disc { center: [0; 2].map(|_| random.fine_range(0.0, 12.0)), radius };
+            let is_apart = |other: &Disc| {
+                let [x, y] = [0, 1].map(|k| other.center[k] - disc.center[k]);
+                x.hypot(y) > other.radius + radius
+            };
+            if discs.len() < 2 + world % 9 && discs.iter().all(is_apart) {
+                discs.push(disc);
+            }
+        }
+        let made = Discs::new(&discs).unwrap();
+        let reach = random.fine_range(0.1, 6.0);
+        let mut kept = super::KineticZone::new(&made, reach);
+        kept.move_to(eye);
+        for step in 0..30 {
+            let (turn, length) =
+                (random.fine_range(0.0, 7.0), reach * random.pick(&[0.02, 0.1, 0.5, 0.9, 1.1]));
+            let to = [eye[0] + length * turn.cos(), eye[1] + length * turn.sin()];
+            eye = if to.iter().all(|x| (-6.0..18.0).contains(x)) { to } else { [-2.0, random.unit() * 12.0] };
+            let mut seen = kept.move_to(eye).to_vec();
+            seen.sort_unstable();
+            assert_eq!(
+                seen,
+                look(&discs, &DiscView::new(eye)),
+                "world {world}, step {step}: {eye:?}, {discs:?}"
+            );
+            quiet += usize::from(kept.work().ended == 0 && !kept.work().rebuilt);
+            moves += 1;
+        }
+    }
+    assert!(quiet * 20 > moves, "{quiet} of {moves} moves end nothing");
+}

@@ -1,5 +1,7 @@
 //! Tests of the triangulation itself: its structure, and walls that cross, repeat or come from hostile bits.
 
+mod queries;
+
 use super::constrain::MAX_VERTICES;
 use super::hilbert::Curve;
 use super::plan::{BLOCKS, WALL};
@@ -370,5 +372,58 @@ fn crossings_obey_the_least_coordinate() {
     assert_eq!(plan.pieces().len(), 4, "pieces of two walls that cross");
     for (ends, _) in plan.pieces() {
         assert!(ends.iter().flatten().all(|&x| x == 0.0 || x.abs() >= 1e-40), "{ends:?}");
+    }
+}
+
+/// Plans keep walls inside of their rectangle by a quarter of the larger extent, or the least that a number
+/// far from 0 allows.
+#[test]
+fn walls_are_strictly_inside_the_rectangle() {
+    let plan = Plan::new(&[Wall::new([1.0, 1.0], [9.0, 2.0])]).unwrap();
+    assert_eq!(plan.bounds(), [[-1.0, -1.0], [11.0, 4.0]], "a quarter of the larger extent");
+    for x in [1.0, 1e15, -1e15, 1e59, 3e-40] {
+        for margin in [0.0, -1.0, f64::NAN, 1e-300] {
+            let plan = Plan::from_walls(&[Wall::new([x, x], [x, 0.5 * x])], margin).unwrap();
+            let [low, high] = plan.bounds();
+            let ends = [x, 0.5 * x];
+            let is_inside = |axis: usize| ends.iter().all(|&y| low[axis] < y && y < high[axis]) || axis == 0;
+            assert!(is_inside(1) && low[0] < x && x < high[0], "{low:?} to {high:?} around {x}, {margin}");
+        }
+    }
+    assert_eq!(plan.triangle(plan.triangle_count() as u32), None, "a triangle behind the last");
+}
+
+/// Triangles that lose different labels report them, with bounds around all of them.
+#[test]
+fn labels_that_differ_are_erased() {
+    let mut of = Triangulation::new([-1.0, -2.0], [3.0, 4.0]);
+    of.labels.copy_from_slice(&[7, 7]);
+    of.unify(&[0, 1]);
+    assert!(of.erased.is_empty(), "equal labels stay");
+    of.labels[1] = 8;
+    of.unify(&[0, 1]);
+    assert_eq!((&of.erased[..], &of.labels[..]), (&[7, 8][..], &[NONE; 2][..]), "labels of both");
+    assert_eq!(of.erased_bounds, [[-1.0, -2.0], [3.0, 4.0]], "bounds of both");
+}
+
+/// A wall parallel to an axis is not bent through a vertex beside it, though the wall that crosses it there
+/// is.
+#[test]
+fn walls_along_an_axis_stay_straight() {
+    for (up, by) in [(true, 1.0), (true, -1.0), (false, 1.0), (false, -1.0)] {
+        let turned = |[x, y]: [f64; 2]| if up { [x, y] } else { [y, x] };
+        let wall = |a: [f64; 2], b: [f64; 2]| Wall::new(turned(a), turned(b));
+        let beside = [2.0, 1.0 + by * f64::EPSILON];
+        let plan = Plan::new(&[
+            wall(beside, [2.5, 1.0 + by]),
+            wall([0.0, 1.0], [4.0, 1.0]),
+            wall([2.0 - 0.125, 0.0], [2.0 + 0.125, 2.0]),
+        ])
+        .unwrap();
+        check(&plan);
+        let axis = usize::from(up);
+        for (ends, walls) in plan.pieces().filter(|(_, walls)| walls.contains(&1)) {
+            assert!(ends.iter().all(|end| end[axis] == 1.0), "{ends:?} of {walls:?}, {up} {by}");
+        }
     }
 }
