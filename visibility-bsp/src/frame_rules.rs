@@ -62,8 +62,13 @@ impl World {
     /// Tests whether a culler removes the target from the set of all objects on the view's layers but
     /// `removed`.
     fn hides(&self, culler: &mut dyn Culler, view: &View, removed: &[ObjectId]) -> bool {
+        self.hides_from(culler, view, view, removed)
+    }
+
+    /// As [`hides`](Self::hides), from the set of all objects on the layers of another view.
+    fn hides_from(&self, culler: &mut dyn Culler, view: &View, of: &View, removed: &[ObjectId]) -> bool {
         let mut visible = VisibleSet::new();
-        visible.fill(&self.scene, view);
+        visible.fill(&self.scene, of);
         visible.retain(&self.scene, |id, _| !removed.contains(&id));
         culler.cull(&self.scene, view, &mut visible);
         !visible.contains(&self.scene, self.target)
@@ -183,6 +188,124 @@ fn a_wall_hides_in_frames_that_draw_all_of_it() {
     }
 }
 
+/// A half of the wall is such that it must not hide when the polygons are made. The set has objects of all
+/// layers, and the view is of those on another layer than the wall.
+#[test]
+fn a_wall_hides_nothing_that_it_must_not_hide_when_the_polygons_are_made() {
+    for (number, view) in views().into_iter().enumerate() {
+        for (k, (what, change)) in changes().iter().enumerate() {
+            if k == 4 {
+                // The other object hides as the one before did.
+                continue;
+            }
+            for half in [0, 1] {
+                let mut world = World::new();
+                let id = world.halves[half];
+                change(&mut world, id);
+                for mut culler in world.cullers() {
+                    if culler.name() == "naylor" && k >= 6 {
+                        continue;
+                    }
+                    let name = culler.name().to_owned();
+                    for frame in 0..2 {
+                        let is_hidden =
+                            world.hides_from(&mut *culler, &view.clone().with_layers(1), &view, &[]);
+                        let is = what == &"of another scene";
+                        assert_eq!(
+                            is_hidden, is,
+                            "view {number}, {name}, half {half} is {what}, frame {frame}"
+                        );
+                    }
+                }
+            }
+        }
+        let world = World::new();
+        for mut culler in world.cullers() {
+            for (layers, is) in [(1, true), (2, false), (3, true), (2, false)] {
+                let is_hidden = world.hides_from(&mut *culler, &view.clone().with_layers(layers), &view, &[]);
+                assert_eq!(is_hidden, is, "view {number}, {}, layers {layers}", culler.name());
+            }
+        }
+    }
+}
+
+/// The wall moves aside, so that it hides half of the target, and polygons are synced or made anew; or those
+/// of before are given back.
+#[test]
+fn polygons_hide_where_their_objects_are_now() {
+    for view in views() {
+        for synced in [false, true] {
+            let mut world = World::new();
+            let before = Arc::new(Occluders::new(&world.scene));
+            let mut aside = |id: ObjectId, from: f32, to: f32| {
+                let bounds = Aabb::from_arrays([4.0, from, -8.0], [4.5, to, 8.0]);
+                world.scene.set_bounds(id, bounds).unwrap();
+                let corners = bounds.corners();
+                let triangles = OccluderMesh::CUBOID.map(|t| t.map(|i| corners[i as usize]));
+                world.scene.set_triangles(id, triangles).unwrap();
+            };
+            aside(world.halves[0], -0.25, 8.0);
+            aside(world.halves[1], 8.0, 16.0);
+            world.scene.prepare_occluders(&Preparation::default());
+            let now = if synced {
+                let mut now = Occluders::clone(&before);
+                now.sync(&world.scene);
+                now
+            } else {
+                Occluders::new(&world.scene)
+            };
+            let now = Arc::new(now);
+            let frusta =
+                |polygons: &Occluders| Arc::new(ShadowFrusta::new(&world.scene, polygons.clone(), 1, 16));
+            let (mut tree, mut shadows) =
+                (OcclusionTreeCuller::new(now.clone()), ShadowFrustaCuller::new(frusta(&now)));
+            assert!(!world.hides(&mut tree, &view, &[]), "occlusion tree, synced: {synced}");
+            assert!(!world.hides(&mut shadows, &view, &[]), "shadow frusta, synced: {synced}");
+            tree.set_occluders(before.clone());
+            shadows.set_frusta(frusta(&before));
+            for frame in 0..2 {
+                assert!(!world.hides(&mut tree, &view, &[]), "occlusion tree of before, frame {frame}");
+                assert!(!world.hides(&mut shadows, &view, &[]), "shadow frusta of before, frame {frame}");
+            }
+            #[cfg(feature = "papers")]
+            {
+                let mut large = crate::LargeOccludersCuller::new(now.clone());
+                for frame in 0..2 {
+                    assert!(!world.hides(&mut large, &view, &[]), "synced: {synced}, frame {frame}");
+                }
+                large.set_occluders(before);
+                for frame in 0..2 {
+                    assert!(!world.hides(&mut large, &view, &[]), "polygons of before, frame {frame}");
+                }
+            }
+        }
+    }
+}
+
+/// Polygons of one number, of a wall that hides the target and of one that has moved aside.
+#[cfg(feature = "papers")]
+#[test]
+fn other_polygons_of_the_same_numbers_are_taken_in() {
+    let of = |from: f32, to: f32| {
+        let mut scene = Scene::new();
+        let target = insert(&mut scene, Object::new(Aabb::from_arrays([6.0, -1.0, -0.5], [7.0, 0.5, 0.5])));
+        let bounds = Aabb::from_arrays([4.0, from, -8.0], [4.5, to, 8.0]);
+        insert(&mut scene, Object { occluder: true, ..Object::new(bounds) });
+        scene.prepare_occluders(&Preparation::default());
+        World { halves: [target; 2], target, scene }
+    };
+    let (before, aside) = (of(-8.0, 8.0), of(-0.25, 16.0));
+    let mut culler = crate::LargeOccludersCuller::new(Arc::new(Occluders::new(&before.scene)));
+    for view in views() {
+        for round in 0..2 {
+            culler.set_occluders(Arc::new(Occluders::new(&before.scene)));
+            assert!(before.hides(&mut culler, &view, &[]), "behind the wall, round {round}");
+            culler.set_occluders(Arc::new(Occluders::new(&aside.scene)));
+            assert!(!aside.hides(&mut culler, &view, &[]), "beside the wall, round {round}");
+        }
+    }
+}
+
 /// The polygons of one scene are used with another scene, whose objects have the same ids.
 #[test]
 fn a_wall_hides_again_in_the_scene_that_it_is_of() {
@@ -220,18 +343,29 @@ fn a_section_hides_from_outside_of_its_boxes_alone() {
     insert(&mut scene, Object::new(Aabb::from_arrays([-9.0, -5.0, 0.0], [-8.0, 5.0, 6.0])));
     scene.prepare_occluders(&Preparation::default());
     let world = World { halves: [target; 2], target, scene };
-    let view = |x: f64| {
+    let view = |x: f64, near: f64| {
         let pose = Pose::look_at(DVec3::new(x, 0.0, 1.5), DVec3::new(9.0, 0.0, 1.5), DVec3::Z);
-        View::perspective(pose, 2.0, 1.5, 0.01, f64::INFINITY).unwrap()
+        View::perspective(pose, 2.0, 1.5, near, f64::INFINITY).unwrap()
     };
     for mut culler in world.cullers() {
         if culler.name() == "naylor" {
             continue;
         }
-        for (x, is) in [(3.95, true), (4.03, false), (3.95, true), (4.2, false), (3.96, true), (4.04, false)]
-        {
-            let is_hidden = world.hides(&mut *culler, &view(x), &[]);
-            assert_eq!(is_hidden, is, "{}, from x = {x}", culler.name());
+        for (x, near, is) in [
+            (3.95, 0.01, true),
+            (4.03, 0.01, false),
+            (3.95, 0.01, true),
+            (4.2, 0.01, false),
+            (3.96, 0.01, true),
+            (4.04, 0.01, false),
+            (3.95, 0.01, true),
+            // The near plane reaches into the box: 0.09 m at the corners of the image.
+            (3.95, 0.04, false),
+            (3.95, 0.01, true),
+            (3.95, 0.2, false),
+        ] {
+            let is_hidden = world.hides(&mut *culler, &view(x, near), &[]);
+            assert_eq!(is_hidden, is, "{}, from x = {x}, near plane at {near}", culler.name());
         }
     }
 }

@@ -371,6 +371,13 @@ mod tests {
             [(wide, [1, 2, 3].into()), (upright, [0, 1, 2].into())],
             "an angle of four"
         );
+        let right = [[3.0, 1.0], [4.0, 3.0]];
+        let upright = [[3.0, 0.0], [4.0, 3.0]];
+        assert_eq!(
+            joined(&[low, right, corner]),
+            [(low, [0, 2].into()), (upright, [0, 1].into())],
+            "an angle"
+        );
         assert_eq!(joined(&[left]), [(left, [0].into())], "a single rectangle");
         // Each covers what the other does: one is enough, of which both are sources.
         assert_eq!(joined(&[left, left]), [(left, [0, 1].into())], "one rectangle twice");

@@ -255,6 +255,8 @@ fn the_bound_on_coordinates_at_least_doubles_on_the_axes_on_which_it_grows() {
         assert_eq!(tree.magnitude(), DVec3::from_array(expected), "after a square at {x}");
         check(&tree, "growing");
     }
+    // Squares at -101, 100, 150 and 900 are in front of each other, as inserted; that at -100 is behind them.
+    assert_eq!(tree.depth(), 4, "levels of five squares");
     tree.insert(2, [square(3.0).map(|v| v * DVec3::new(1.0, 3.0, 1.0))]).unwrap();
     assert_eq!(tree.magnitude(), DVec3::new(900.0, 3.0, 1.0), "a square that is higher");
     tree.remove(1);
