@@ -362,6 +362,9 @@ fn a_section_hides_from_outside_of_its_boxes_alone() {
             // The near plane reaches into the box: 0.09 m at the corners of the image.
             (3.95, 0.04, false),
             (3.95, 0.01, true),
+            // Less than that by half, it does not.
+            (3.95, 0.02, false),
+            (3.95, 0.01, true),
             (3.95, 0.2, false),
         ] {
             let is_hidden = world.hides(&mut *culler, &view(x, near), &[]);

@@ -402,14 +402,15 @@ mod tests {
         })
     }
 
-    /// Triangles that share an edge, two or three, folded over each other or not as the eye sees them. What is
-    /// hidden is hidden from all sight to its corners, and answers that are kept are those of a map that keeps
-    /// none.
+    /// Triangles that share an edge, two or three, folded over each other or not as the eye sees them. What
+    /// is hidden is hidden from all sight to its corners, and answers that are kept are those of a map that
+    /// keeps none.
     #[test]
     fn what_single_polygons_and_pairs_hide_is_out_of_sight() {
         let mut random = Random(71);
         let (mut hidden, mut kept, mut by_pairs) = (0, 0, 0);
         for scene in 0..150 {
+            let mut turns = Random(scene as u64);
             let mut point = |size: f64| random.fine_vector(size).as_vec3();
             let (p, q) = (point(1.0) + Vec3::Z * 3.0, point(1.0) - Vec3::Z * 3.0);
             let mut triangles: Vec<Corners> = [4.0, -4.0, 4.0]
@@ -420,6 +421,8 @@ mod tests {
                 .to_vec();
             // One of another edge, of which one end is the same.
             triangles.push([p, point(3.0) + Vec3::Y * 5.0, point(3.0) + Vec3::Y * 8.0]);
+            // The shared edge is anywhere among the edges of each.
+            triangles.iter_mut().for_each(|triangle| triangle.rotate_left(turns.below(3)));
             triangles.truncate(2 + scene % 3);
             if scene % 5 == 0 {
                 triangles.swap_remove(1);
@@ -444,6 +447,9 @@ mod tests {
                     map.begin(&view, DVec3::ZERO);
                 }
                 for bounds in &boxes {
+                    // Groups of the eye of the last frame decide nothing.
+                    let is_computed = plain.memory.groups.computed_for_frame == plain.frame;
+                    assert!(is_computed || plain.test(bounds) == Occlusion::Partial, "before a test");
                     let [answer, expected, alone] =
                         [&mut map, &mut plain, &mut single].map(|map| map.test_mut(bounds));
                     assert_eq!(answer, expected, "scene {scene}, frame {frame}: {bounds:?} from {eye}");
@@ -479,16 +485,19 @@ mod tests {
         let mut used = [0, 0];
         for round in 0..4000 {
             // Coordinates are up to 1,000 km, at which distances count as known to a millimetre.
-            let shift = [Vec3::ZERO, Vec3::X * 1e6, Vec3::Y * -1e6][round % 3];
-            let size: f64 = [9.0, 1e6, 1e6][round % 3];
-            let mut map = if round % 3 == 0 {
+            let case = round % 4;
+            let shift = [Vec3::ZERO, Vec3::X * 1e6, Vec3::Y * -1e6, Vec3::X * -1e6][case];
+            let size: f64 = [9.0, 1e6, 1e6, 1e6][case];
+            let mut map = if case == 0 {
                 map_of(&occluders, true)
             } else {
                 map_of(&polygons_of(&[triangle.map(|v| v + shift)], true), true)
             };
             let first = shift.as_dvec3() + random.fine_vector(1.0);
-            let y = [0.0, 30.0][round / 3 % 2];
-            let bounds = Aabb::new(Vec3::new(8.0, y, 0.0) + shift, Vec3::new(9.0, y + 0.5, 0.5) + shift);
+            // In the last case the box is near the origin, and a million metres behind the triangle.
+            let y = if case == 3 { 0.0 } else { [0.0, 30.0][round / 4 % 2] };
+            let at = if case == 3 { Vec3::ZERO } else { shift };
+            let bounds = Aabb::new(Vec3::new(8.0, y, 0.0) + at, Vec3::new(9.0, y + 0.5, 0.5) + at);
             let mut error = || [0.0, 1e-9, 1e-3, 4e-3, 8e-3][random.below(5)];
             let [then, now] = [error(), error()];
             let begin = |map: &mut GroupMap, eye: DVec3, error: f64| {
@@ -641,6 +650,27 @@ mod tests {
             let usable: Vec<bool> = map.memory.groups.groups.iter().map(|group| group.usable).collect();
             let expected = [uneven != Some(0), uneven != Some(1), uneven.is_none()];
             assert_eq!(usable, expected, "uneven: {uneven:?}");
+        }
+    }
+
+    /// A box behind both of a pair is hidden by the pair alone, and only while both may be used.
+    #[test]
+    fn a_pair_hides_while_both_of_its_polygons_are_usable() {
+        let [p, q] = [Vec3::new(4.0, 0.0, -5.0), Vec3::new(4.0, 0.0, 5.0)];
+        let occluders =
+            polygons_of(&[[p, q, Vec3::new(4.5, 5.0, 0.0)], [q, p, Vec3::new(4.5, -5.0, 0.0)]], true);
+        let (min, max) = (DVec3::new(6.0, -0.5, -0.5), DVec3::new(7.0, 0.5, 0.5));
+        for usable in [[true, true], [false, true], [true, false]] {
+            let mut map = map_of(&occluders, true);
+            map.begin(&look(DVec3::ZERO, DVec3::X), DVec3::ZERO);
+            map.compute(min, max);
+            let groups = &mut map.memory.groups;
+            for (face, usable) in groups.faces.iter_mut().zip(usable) {
+                assert!(face.usable, "a polygon before the eye");
+                face.usable = usable;
+            }
+            let (answer, _) = groups.compute(&map.projection.eye, false, min, max);
+            assert_eq!(answer == Occlusion::Hidden, usable == [true; 2], "usable: {usable:?}");
         }
     }
 }

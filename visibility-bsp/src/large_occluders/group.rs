@@ -449,7 +449,7 @@ mod tests {
         }
     }
 
-    /// Edges, corners and eyes of whole numbers. An eye may move as far as is told, straight towards the plane
+    /// Edges, corners and eyes of whole numbers. An eye may move as far as is told, straight to the plane
     /// through the edge and the corner, and stays on its side of it, wherever the ends are. In the first case
     /// the normal is rounded by much more than it is long; in the second, ends that are off turn it much; in
     /// the third, they move it.

@@ -461,14 +461,24 @@ mod tests {
         }
     }
 
+    /// Behind a wall that covers the image, no fragment is looked at: a needle is reported all the same.
+    #[test]
+    fn needles_behind_a_covered_image_are_visible() {
+        let mut scene = Scene::new();
+        insert(&mut scene, [across(4.0, 9.0)], OCCLUDER);
+        let needle = |width: f32| [[-0.5, 0.0], [0.5, 0.0], [0.5, width]].map(|[y, z]| Vec3::new(5.0, y, z));
+        let [thin, thick] = [5e-8, 1e-5].map(|width| insert(&mut scene, [needle(width)], OBJECT));
+        assert_eq!(seen(&scene, &view(), [thin, thick]), [true, false], "a needle and a strip");
+    }
+
     /// A strip of triangles each of which is narrower than the tolerance, all together are wider than that.
     #[test]
     fn narrow_triangles_are_seen_by_what_they_show_together() {
         for (count, is) in [(1, false), (40, true)] {
             for wall in [false, true] {
                 let mut scene = Scene::new();
-                // Each is 1e-8 of half the image wide, and they meet at their long sides. The object reaches up
-                // to a point that is not narrow.
+                // Each is 2e-8 wide in the image. The box of the object is not narrow, since a last triangle
+                // reaches up.
                 let triangles: Vec<Triangle> = (0..count)
                     .map(|i| {
                         let z = |k: i32| 2e-7 * (i + k) as f32;

@@ -385,7 +385,7 @@ mod tests {
 
     #[test]
     fn groups_whose_grids_are_too_fine_are_not_joined() {
-        // Rectangles from a common corner, each lower and longer than the one before: as many columns as rows.
+        // Rectangles from a common corner, each lower and longer than the one before.
         let stairs = |count: usize| -> Vec<[[f64; 2]; 2]> {
             (1..=count).map(|i| [[0.0, 0.0], [i as f64, (count + 1 - i) as f64]]).collect()
         };

@@ -368,8 +368,8 @@ mod tests {
         }
     }
 
-    /// The bound of a polygon is not below its solid angle, which is known to 6 %, or projected area, and that of a block not below
-    /// those of its polygons.
+    /// The bound of a polygon is not below its solid angle, which is known to 6 %, or its projected area.
+    /// That of a block is not below those of its polygons.
     #[test]
     fn bounds_on_solid_angles_hold() {
         let (_, occluders) = triangles(200);

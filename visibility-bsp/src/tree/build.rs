@@ -142,8 +142,8 @@ impl BspTree {
     /// piece to `builder.sides`. Returns the node's index.
     fn divide_leaf(&mut self, builder: &mut Builder, task: Task) -> u32 {
         let set = &builder.pieces[task.begin..];
-        // An axis-aligned plane is used if it splits well: it cuts less than half as many pieces as are wholly
-        // on either side.
+        // An axis-aligned plane is used if it splits well: it cuts less than half as many pieces as are on
+        // either side.
         let mut chosen = None;
         if let Some(plane) = splitter::box_plane(set) {
             let plane = SidePlane::new(plane, self.magnitude);

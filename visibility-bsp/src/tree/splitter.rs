@@ -27,7 +27,8 @@ fn sample(len: usize, most: usize) -> impl Iterator<Item = usize> + Clone {
 }
 
 /// Returns the best axis-aligned splitting plane along a side of a piece's bounding box. `None` if there are
-/// at most [`BOXES`] pieces, or if the best candidate costs as much as leaving all sampled pieces on one side.
+/// at most [`BOXES`] pieces, or if the best candidate costs as much as leaving all sampled pieces on one
+/// side.
 pub(super) fn box_plane(set: &[Piece]) -> Option<Plane> {
     if set.len() <= BOXES {
         return None;
