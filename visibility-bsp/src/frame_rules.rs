@@ -154,7 +154,7 @@ fn a_wall_hides_in_frames_that_draw_all_of_it() {
     for (number, view) in views().into_iter().enumerate() {
         let clipped = |x: f64| {
             // The half-space beyond x.
-            view.clone().with_clip_planes(&[Plane::new(DVec3::X, -x)]).unwrap()
+            view.with_clip_planes(&[Plane::new(DVec3::X, -x)]).unwrap()
         };
         let [low, high] = world.halves;
         // The second view has the target and half of the wall in it, up to y = 0.
@@ -163,22 +163,22 @@ fn a_wall_hides_in_frames_that_draw_all_of_it() {
         for mut culler in world.cullers() {
             let name = std::format!("view {number}, {}", culler.name());
             let frames: [(&str, View, &[ObjectId], bool); 16] = [
-                ("all is drawn", view.clone(), &[], true),
-                ("a half is removed", view.clone(), &[low], false),
-                ("all is drawn again", view.clone(), &[], true),
-                ("the other half is removed", view.clone(), &[high], false),
-                ("all is drawn again", view.clone(), &[], true),
-                ("a layer of the target alone", view.clone().with_layers(2), &[], false),
-                ("on the wall's layer", view.clone().with_layers(1), &[], true),
+                ("all is drawn", view, &[], true),
+                ("a half is removed", view, &[low], false),
+                ("all is drawn again", view, &[], true),
+                ("the other half is removed", view, &[high], false),
+                ("all is drawn again", view, &[], true),
+                ("a layer of the target alone", view.with_layers(2), &[], false),
+                ("on the wall's layer", view.with_layers(1), &[], true),
                 ("a plane before the wall", clipped(3.0), &[], true),
                 ("a plane behind the wall", clipped(5.0), &[], false),
-                ("without planes", view.clone(), &[], true),
+                ("without planes", view, &[], true),
                 ("a plane behind the wall", clipped(5.0), &[], false),
                 ("a plane through the wall", clipped(4.25), &[], culler.name() == "naylor"),
-                ("without planes", view.clone(), &[], true),
-                ("a half is in view, both in the set", narrow.clone(), &[], true),
-                ("a half is in view, and in the set", narrow.clone(), &[high], true),
-                ("a half is in view, and not in the set", narrow.clone(), &[low], false),
+                ("without planes", view, &[], true),
+                ("a half is in view, both in the set", narrow, &[], true),
+                ("a half is in view, and in the set", narrow, &[high], true),
+                ("a half is in view, and not in the set", narrow, &[low], false),
             ];
             for (what, view, removed, is) in frames {
                 let is_hidden = world.hides(&mut *culler, &view, removed);
@@ -208,8 +208,7 @@ fn a_wall_hides_nothing_that_it_must_not_hide_when_the_polygons_are_made() {
                     }
                     let name = culler.name().to_owned();
                     for frame in 0..2 {
-                        let is_hidden =
-                            world.hides_from(&mut *culler, &view.clone().with_layers(1), &view, &[]);
+                        let is_hidden = world.hides_from(&mut *culler, &view.with_layers(1), &view, &[]);
                         let is = what == &"of another scene";
                         assert_eq!(
                             is_hidden, is,
@@ -222,7 +221,7 @@ fn a_wall_hides_nothing_that_it_must_not_hide_when_the_polygons_are_made() {
         let world = World::new();
         for mut culler in world.cullers() {
             for (layers, is) in [(1, true), (2, false), (3, true), (2, false)] {
-                let is_hidden = world.hides_from(&mut *culler, &view.clone().with_layers(layers), &view, &[]);
+                let is_hidden = world.hides_from(&mut *culler, &view.with_layers(layers), &view, &[]);
                 assert_eq!(is_hidden, is, "view {number}, {}, layers {layers}", culler.name());
             }
         }

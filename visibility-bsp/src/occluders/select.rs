@@ -318,7 +318,7 @@ mod tests {
             let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
             scene.set_triangles(id, [triangle]).unwrap();
         }
-        let two_sided = Preparation::default().with_sliver(0.0).with_two_sided(count % 2 == 0);
+        let two_sided = Preparation::default().with_sliver(0.0).with_two_sided(count.is_multiple_of(2));
         scene.prepare_occluders(&two_sided);
         let occluders = Occluders::new(&scene);
         (scene, occluders)
