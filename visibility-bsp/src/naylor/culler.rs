@@ -466,9 +466,13 @@ mod tests {
     fn needles_behind_a_covered_image_are_visible() {
         let mut scene = Scene::new();
         insert(&mut scene, [across(4.0, 9.0)], OCCLUDER);
-        let needle = |width: f32| [[-0.5, 0.0], [0.5, 0.0], [0.5, width]].map(|[y, z]| Vec3::new(5.0, y, z));
-        let [thin, thick] = [5e-8, 1e-5].map(|width| insert(&mut scene, [needle(width)], OBJECT));
-        assert_eq!(seen(&scene, &view(), [thin, thick]), [true, false], "a needle and a strip");
+        // The first strip divides the others from the wall.
+        let [first, second, thin] = [(5.0, 1e-5), (6.0, 1e-5), (7.0, 5e-8)].map(|(x, width)| {
+            let needle = [[-0.5, 0.0], [0.5, 0.0], [0.5, width]].map(|[y, z]| Vec3::new(x, y, z));
+            insert(&mut scene, [needle], OBJECT)
+        });
+        let found = seen(&scene, &view(), [first, second, thin]);
+        assert_eq!(found, [false, false, true], "two strips and a needle");
     }
 
     /// A strip of triangles each of which is narrower than the tolerance, all together are wider than that.
