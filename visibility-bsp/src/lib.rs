@@ -56,6 +56,8 @@ extern crate std;
 
 mod bsp_order_culler;
 mod clip_projection;
+#[cfg(test)]
+mod frame_rules;
 #[cfg(feature = "papers")]
 mod large_occluders;
 mod lazy_queue;

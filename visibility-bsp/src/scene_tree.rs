@@ -309,4 +309,111 @@ mod tests {
         }
         assert_eq!(tree.object(index(far)), None, "the far object is gone");
     }
+
+    /// The margins are for coordinates of 1,000 m. Whether that is 1,000 times as much as the rest needs
+    /// decides over a new tree, from which on they are for what is left.
+    #[test]
+    fn a_tree_that_has_lost_its_extent_is_built_anew() {
+        // Bounds are rounded outwards by a step: those of the second are 1 m, as much as is enough.
+        for (kept, is_anew) in [(0.5, true), (1f32.next_down(), false), (1.5, false)] {
+            for side in [1.0, -1.0] {
+                let mut scene = Scene::new();
+                let near = |side: f32| [[kept * side, 0.0], [0.0, 0.25], [0.0, -0.25]];
+                insert(&mut scene, vec![near(side).map(|[x, y]| Vec3::new(x, y, 0.0))]);
+                let far = insert(&mut scene, vec![across(1000.0)]);
+                let mut tree = SceneTree::new(&scene).unwrap();
+                assert_eq!(tree.tree().magnitude().max_element(), 1000.0, "with the far object");
+                scene.remove(far).unwrap();
+                tree.sync(&scene).unwrap();
+                let expected = if is_anew { 0.5 } else { 1000.0 };
+                assert_eq!(
+                    tree.tree().magnitude().max_element(),
+                    expected,
+                    "{kept} m are kept on side {side}"
+                );
+            }
+        }
+        // What comes in the same step counts, if the tree accepts it: a triangle with an area.
+        let flat = |x: f32| [Vec3::ZERO, Vec3::X * x, Vec3::X * x];
+        for (new, is_anew) in [
+            (vec![across(1.0)], false),
+            (vec![across(1.0), across(0.5)], false),
+            (vec![across(-0.5).map(|v| v * 0.5)], true),
+            (vec![flat(900.0)], true),
+            (vec![flat(900.0), across(0.5).map(|v| v * 0.5)], true),
+            (vec![], true),
+        ] {
+            let mut scene = Scene::new();
+            insert(&mut scene, vec![across(0.5).map(|v| v * 0.5)]);
+            let far = insert(&mut scene, vec![across(1000.0)]);
+            let mut tree = SceneTree::new(&scene).unwrap();
+            scene.remove(far).unwrap();
+            insert(&mut scene, new.clone());
+            tree.sync(&scene).unwrap();
+            let expected = if is_anew { 0.5 } else { 1000.0 };
+            assert_eq!(tree.tree().magnitude().max_element(), expected, "{new:?} comes");
+        }
+        // Without a polygon there is nothing to build anew.
+        let mut scene = Scene::new();
+        let far = insert(&mut scene, vec![across(1000.0)]);
+        let mut tree = SceneTree::new(&scene).unwrap();
+        scene.remove(far).unwrap();
+        let small = insert(&mut scene, vec![across(0.5)]);
+        tree.sync(&scene).unwrap();
+        assert_eq!(
+            tree.tree().magnitude(),
+            visibility_core::glam::DVec3::new(0.5, 1.0, 1.0),
+            "of the small one"
+        );
+        assert_eq!(tree.object(index(small)), Some(small), "the small object is in the tree");
+    }
+
+    #[test]
+    fn objects_are_known_while_all_that_they_show_is_in_the_tree() {
+        let mut scene = Scene::new();
+        let whole = insert(&mut scene, vec![across(1.0), across(2.0)]);
+        let part = insert(&mut scene, vec![across(3.0), [Vec3::ZERO; 3]]);
+        let empty = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+        let changing = insert(&mut scene, vec![across(4.0)]);
+        let mut tree = SceneTree::new(&scene).unwrap();
+        let mut stale = StaleObjects::default();
+        let known = |stale: &mut StaleObjects, tree: &SceneTree, scene: &Scene| {
+            stale.begin(tree, scene);
+            [whole, part, empty, changing].map(|id| (stale.is_current(index(id)), stale.is_known(tree, id)))
+        };
+        for frame in 0..3 {
+            let found = known(&mut stale, &tree, &scene);
+            let expected = [(true, true), (true, false), (true, false), (true, true)];
+            assert_eq!(found, expected, "frame {frame}");
+            assert!(!stale.is_current(4), "an index beyond the scene's");
+        }
+        scene.set_occluder(changing, true).unwrap();
+        for frame in [0, 1, u32::MAX - 1, u32::MAX, 5, 5] {
+            // The count of frames begins anew after the last number.
+            stale.frame = if frame > 9 { frame } else { stale.frame };
+            let found = known(&mut stale, &tree, &scene);
+            assert!(stale.frame > 0, "number of a frame");
+            let expected = [(true, true), (true, false), (true, false), (false, false)];
+            assert_eq!(found, expected, "frame {frame} with a changed object");
+        }
+        tree.sync(&scene).unwrap();
+        assert_eq!(known(&mut stale, &tree, &scene)[3], (true, true), "after the change is in the tree");
+        // Another scene of the same number of indices, and one of more.
+        let other = scene.clone();
+        assert_eq!(known(&mut stale, &tree, &other), [(false, false); 4], "in another scene");
+        assert_eq!(known(&mut stale, &tree, &scene)[0], (true, true), "back in the first scene");
+        let more = insert(&mut scene, vec![across(5.0)]);
+        assert_eq!(known(&mut stale, &tree, &scene)[0], (true, true), "beside a new object");
+        assert!(!stale.is_current(index(more)) && !stale.is_known(&tree, more), "the new object");
+        tree.sync(&scene).unwrap();
+        stale.begin(&tree, &scene);
+        assert!(stale.is_known(&tree, more), "the new object, in the tree");
+        // An object that takes the index of another.
+        scene.remove(more).unwrap();
+        let next = insert(&mut scene, vec![across(5.0)]);
+        assert_eq!(next.index(), more.index(), "an index that is used again");
+        tree.sync(&scene).unwrap();
+        stale.begin(&tree, &scene);
+        assert!(stale.is_known(&tree, next) && !stale.is_known(&tree, more), "two objects of one index");
+    }
 }

@@ -350,3 +350,329 @@ impl OcclusionMap for GroupMap {
         self.memory.known.clear();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shadow::OccluderPolygon;
+    use std::format;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Object, Pose, Scene, occlusion::Preparation, view::Window};
+    use visibility_testing::Random;
+
+    type Corners = [Vec3; 3];
+
+    /// Returns the polygons of triangles that are seen from both sides, each an object of its own.
+    fn polygons_of(triangles: &[Corners], two_sided: bool) -> Occluders {
+        let mut scene = Scene::new();
+        for &triangle in triangles {
+            let bounds = Aabb::from_points(triangle);
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            scene.set_triangles(id, [triangle]).unwrap();
+        }
+        scene.prepare_occluders(&Preparation::default().with_sliver(0.0).with_two_sided(two_sided));
+        Occluders::new(&scene)
+    }
+
+    fn map_of(occluders: &Occluders, coherent: bool) -> GroupMap {
+        let mut map = GroupMap { coherent, ..GroupMap::new() };
+        let all: Vec<u32> = (0..occluders.len() as u32).collect();
+        map.group(occluders, &all);
+        map
+    }
+
+    fn look(eye: DVec3, target: DVec3) -> View {
+        View::perspective(Pose::look_at(eye, target, DVec3::new(0.1, 0.2, 1.0)), 1.0, 1.0, 0.01, 99.0)
+            .unwrap()
+    }
+
+    /// Tests whether the segment from `eye` to `p` clearly passes all triangles.
+    fn passes(triangles: &[Corners], eye: DVec3, p: DVec3) -> bool {
+        triangles.iter().all(|triangle| {
+            let [a, b, c] = triangle.map(|v| v.as_dvec3());
+            let normal = (b - a).cross(c - a);
+            let (from, to) = (normal.dot(eye - a), normal.dot(p - a));
+            if from * to > 0.0 {
+                return true;
+            }
+            let at = eye + (p - eye) * (from / (from - to));
+            [(a, b), (b, c), (c, a)].iter().any(|(p, q)| {
+                (*q - *p).cross(at - *p).dot(normal) < -1e-6 * normal.length() * (*q - *p).length()
+            })
+        })
+    }
+
+    /// Triangles that share an edge, two or three, folded over each other or not as the eye sees them. What
+    /// is hidden is hidden from all sight to its corners, and answers that are kept are those of a map that
+    /// keeps none.
+    #[test]
+    fn what_single_polygons_and_pairs_hide_is_out_of_sight() {
+        let mut random = Random(71);
+        let (mut hidden, mut kept, mut by_pairs) = (0, 0, 0);
+        for scene in 0..150 {
+            let mut turns = Random(scene as u64);
+            let mut point = |size: f64| random.fine_vector(size).as_vec3();
+            let (p, q) = (point(1.0) + Vec3::Z * 3.0, point(1.0) - Vec3::Z * 3.0);
+            let mut triangles: Vec<Corners> = [4.0, -4.0, 4.0]
+                .map(|y| {
+                    let apex = point(2.5) + Vec3::Y * y;
+                    if apex.x > 0.0 { [p, q, apex] } else { [q, p, apex] }
+                })
+                .to_vec();
+            // One of another edge, of which one end is the same.
+            triangles.push([p, point(3.0) + Vec3::Y * 5.0, point(3.0) + Vec3::Y * 8.0]);
+            // The shared edge is anywhere among the edges of each.
+            triangles.iter_mut().for_each(|triangle| triangle.rotate_left(turns.below(3)));
+            triangles.truncate(2 + scene % 3);
+            if scene % 5 == 0 {
+                triangles.swap_remove(1);
+            }
+            let occluders = polygons_of(&triangles, scene % 2 == 0);
+            assert_eq!(occluders.len(), triangles.len(), "polygons");
+            let [mut map, mut plain] = [true, false].map(|coherent| map_of(&occluders, coherent));
+            // Each polygon alone.
+            let mut single = map_of(&occluders, false);
+            single.memory.groups.groups.truncate(triangles.len());
+            let mut eye = random.fine_vector(3.0) + DVec3::X * 7.0;
+            let boxes: Vec<Aabb> = (0..25)
+                .map(|_| {
+                    let min = random.fine_vector(3.0).as_vec3() - Vec3::X * 3.0;
+                    Aabb::new(min, min + random.fine_vector(0.7).abs().as_vec3())
+                })
+                .collect();
+            for frame in 0..12 {
+                eye += random.fine_vector([0.05, 0.4][frame % 2]);
+                let view = look(eye, DVec3::ZERO);
+                for map in [&mut map, &mut plain, &mut single] {
+                    map.begin(&view, DVec3::ZERO);
+                }
+                for bounds in &boxes {
+                    // Groups of the eye of the last frame decide nothing.
+                    let is_computed = plain.memory.groups.computed_for_frame == plain.frame;
+                    assert!(is_computed || plain.test(bounds) == Occlusion::Partial, "before a test");
+                    let [answer, expected, alone] =
+                        [&mut map, &mut plain, &mut single].map(|map| map.test_mut(bounds));
+                    assert_eq!(answer, expected, "scene {scene}, frame {frame}: {bounds:?} from {eye}");
+                    assert_eq!(plain.test(bounds), expected, "scene {scene}, frame {frame}: without memory");
+                    if answer == Occlusion::Hidden {
+                        hidden += 1;
+                        by_pairs += usize::from(alone != answer);
+                        for corner in bounds.corners().map(|corner| corner.as_dvec3()) {
+                            let is_seen = passes(&triangles, eye, corner);
+                            assert!(
+                                !is_seen,
+                                "scene {scene}, frame {frame}: {corner} from {eye} by {triangles:?}"
+                            );
+                        }
+                    }
+                }
+                kept += boxes.len() - map.computed() as usize;
+            }
+        }
+        assert!(
+            hidden > 5_000 && by_pairs > 200 && kept > 5_000,
+            "{hidden} hidden, {by_pairs} by pairs, {kept} kept"
+        );
+    }
+
+    /// How far the eye may move before an answer is computed again: by the clearance, less the error of the
+    /// eye then and now.
+    #[test]
+    fn answers_last_while_the_eye_is_surely_within_their_clearance() {
+        let triangle = [Vec3::new(4.0, -9.0, -5.0), Vec3::new(4.0, 9.0, -5.0), Vec3::new(4.0, 0.0, 9.0)];
+        let occluders = polygons_of(&[triangle], true);
+        let mut random = Random(72);
+        let mut used = [0, 0];
+        for round in 0..4000 {
+            // Coordinates are up to 1,000 km, at which distances count as known to a millimetre.
+            let case = round % 4;
+            let shift = [Vec3::ZERO, Vec3::X * 1e6, Vec3::Y * -1e6, Vec3::X * -1e6][case];
+            let size: f64 = [9.0, 1e6, 1e6, 1e6][case];
+            let mut map = if case == 0 {
+                map_of(&occluders, true)
+            } else {
+                map_of(&polygons_of(&[triangle.map(|v| v + shift)], true), true)
+            };
+            let first = shift.as_dvec3() + random.fine_vector(1.0);
+            // In the last case the box is near the origin, and a million metres behind the triangle.
+            let y = if case == 3 { 0.0 } else { [0.0, 30.0][round / 4 % 2] };
+            let at = if case == 3 { Vec3::ZERO } else { shift };
+            let bounds = Aabb::new(Vec3::new(8.0, y, 0.0) + at, Vec3::new(9.0, y + 0.5, 0.5) + at);
+            let mut error = || [0.0, 1e-9, 1e-3, 4e-3, 8e-3][random.below(5)];
+            let [then, now] = [error(), error()];
+            let begin = |map: &mut GroupMap, eye: DVec3, error: f64| {
+                map.begin(&look(eye, eye + DVec3::X), DVec3::ZERO);
+                map.projection.eye_error = error;
+                map.memory.groups.turn(&map.projection);
+            };
+            begin(&mut map, first, then);
+            let (answer, clearance) = map.compute(bounds.min.as_dvec3(), bounds.max.as_dvec3());
+            assert_eq!(answer == Occlusion::Hidden, y == 0.0, "round {round}: what is hidden");
+            assert_eq!(map.test_mut(&bounds), answer, "round {round}: the same, to be kept");
+            let limit = (clearance * (1.0 - 1e-6) - 1e-9 * size.max(f64::from(y) + 0.5) - 4.0 * then)
+                .max(0.0)
+                - (now - then).max(0.0);
+            let share = random.pick(&[0.0, 0.5, 0.9, 0.999, 1.001, 1.1]);
+            // A little more than the limit, by less than the error of distances between coordinates.
+            let beyond = if round % 5 == 0 { 0.4e-9 * size } else { 0.0 };
+            let distance = if beyond > 0.0 { limit.max(0.0) + beyond } else { share * limit.max(0.0) };
+            let second = first + random.direction() * distance;
+            let is_moved = (second - first).length();
+            if second.x - shift.as_dvec3().x > 3.5 {
+                // Near the polygon and behind it, its side is another.
+                continue;
+            }
+            begin(&mut map, second, now);
+            let again = map.test_mut(&bounds);
+            let is_used = map.computed() == 0;
+            assert!(!is_used || again == answer, "round {round}: what is hidden after {distance} m");
+            assert!(
+                !is_used || is_moved + now <= clearance,
+                "round {round}: {is_moved} m, {now} off, of {clearance} m"
+            );
+            if (is_moved - limit).abs() > 1e-7 * limit.abs() + 1e-9 {
+                assert_eq!(is_used, is_moved < limit, "round {round}: {is_moved} m of {limit} m");
+                used[usize::from(is_used)] += 1;
+            }
+        }
+        assert!(used.iter().all(|&count| count > 500), "answers computed anew and kept: {used:?}");
+    }
+
+    #[test]
+    fn an_answer_that_no_test_asks_for_is_dropped_after_64_frames() {
+        let triangle = [Vec3::new(4.0, -9.0, -5.0), Vec3::new(4.0, 9.0, -5.0), Vec3::new(4.0, 0.0, 9.0)];
+        let mut map = map_of(&polygons_of(&[triangle], true), true);
+        let bounds = Aabb::from_arrays([8.0, 0.0, 0.0], [9.0, 0.5, 0.5]);
+        for asked in [0, 1, 63, 64] {
+            map.reset();
+            map.frame = 64;
+            // The frames from 65 on, up to the one that drops, number 128.
+            for frame in 65..=128u64 {
+                map.begin(&look(DVec3::ZERO, DVec3::X), DVec3::ZERO);
+                assert_eq!(map.frame, frame, "number of the frame");
+                if asked == frame - 64 || (asked == 0 && frame == 65) {
+                    map.test_mut(&bounds);
+                    assert_eq!(map.computed(), 1, "computed in frame {frame}");
+                    if asked == 0 {
+                        // As if it had been asked for a frame earlier, 64 frames before.
+                        map.memory.known.values_mut().for_each(|known| known.frame = 64);
+                    }
+                }
+            }
+            assert_eq!(
+                map.memory.known.len(),
+                usize::from(asked > 0),
+                "kept, asked for in frame {asked} of 64"
+            );
+        }
+    }
+
+    /// The errors of the eye and of the placed mesh, and the clearance of the near plane, reach the planes.
+    #[test]
+    fn planes_have_the_errors_of_the_eye_and_of_placing() {
+        // A mesh far from its own origin, which a transform moves back.
+        let far = Vec3::new(1e6, 0.0, 0.0);
+        let corners = [[4.0, -8.0, -8.0], [4.0, 8.0, -8.0], [4.0, 0.0, 9.0]].map(Vec3::from_array);
+        let mesh = OccluderMesh::from_triangles(&[corners.map(|v| v + far)]).unwrap().with_two_sided(true);
+        let mut scene = Scene::new();
+        let id =
+            scene.insert(Object { occluder: true, ..Object::new(Aabb::from_arrays([-9.0; 3], [9.0; 3])) });
+        let mesh = scene.add_mesh(mesh);
+        scene.set_mesh(id, mesh, Affine3A::from_translation(-far)).unwrap();
+        let placed = Occluders::new(&scene);
+        let placing_error = placed.occluder_polygon(0).placing_error;
+        assert!(placing_error > 1e-10, "error of placing: {placing_error}");
+        let map = map_of(&placed, true);
+        assert!(map.memory.groups.edges.iter().all(|edge| edge.placing_error == placing_error), "edges");
+        // A parallel view whose near plane is before the polygon by less or more than these errors.
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        // The polygon is as uneven as four errors, which counts twice.
+        for share in [0.1, 0.9, 4.0, 7.8, 8.3, 8.8, 9.2, 12.0] {
+            let near = 4.0 - share * placing_error;
+            let view = View::orthographic(pose, Window::centered(9.0, 9.0), near, 99.0).unwrap();
+            let mut map = map_of(&placed, true);
+            map.begin(&view, DVec3::ZERO);
+            let uneven = map.memory.groups.faces[0].near_unevenness(&map.projection);
+            let (value, error) = map.projection.beyond_near(DVec3::new(4.0, 0.0, 0.0), placing_error);
+            let is_beyond = value > error + 2.0 * uneven;
+            map.compute(DVec3::splat(5.0), DVec3::splat(6.0));
+            assert_eq!(map.memory.groups.groups[0].usable, is_beyond, "{share} errors beyond the near plane");
+            assert!(is_beyond || share < 9.0, "{share} errors are enough: {value} {error} {uneven}");
+            assert!(!is_beyond || share > 9.0, "{share} errors are not: {value} {error} {uneven}");
+        }
+        // An eye whose error is half of its distance from the polygon, or of that and the near plane.
+        let occluders = polygons_of(&[corners], true);
+        for (near, error, is) in [
+            (0.1, 0.0, true),
+            // The near plane is farther away by the error of the eye, and by a tenth.
+            (0.1, 1.6, true),
+            (0.1, 1.7, false),
+            (2.9, 0.0, true),
+            (3.0, 0.0, false),
+        ] {
+            let view = View::perspective_off_center(pose, Window::centered(0.5, 0.5), near, 99.0).unwrap();
+            let mut map = map_of(&occluders, true);
+            map.begin(&view, DVec3::ZERO);
+            assert_eq!(map.projection.eye_error, 0.0, "an eye that is known");
+            map.projection.eye_error = error;
+            map.memory.groups.turn(&map.projection);
+            assert_eq!(
+                map.memory.groups.faces[0].usable, is,
+                "a near plane at {near} m, eye off by {error} m"
+            );
+            map.compute(DVec3::splat(5.0), DVec3::splat(6.0));
+            for edge in &map.memory.groups.edges {
+                let mut expected = Edge::new(edge.ends, edge.face, edge.placing_error);
+                expected.update_eye(&map.projection.eye, error, map.memory.groups.faces[0].from_front);
+                assert_eq!(format!("{edge:?}"), format!("{expected:?}"), "an edge, eye off by {error} m");
+            }
+        }
+    }
+
+    /// Of a pair before the near plane of a parallel view, one polygon is uneven: the pair is not used.
+    #[test]
+    fn a_pair_is_as_uneven_as_the_worse_of_its_polygons() {
+        let [p, q] = [Vec3::new(4.0, 0.0, -5.0), Vec3::new(4.0, 0.0, 5.0)];
+        let occluders =
+            polygons_of(&[[p, q, Vec3::new(4.5, 5.0, 0.0)], [q, p, Vec3::new(4.5, -5.0, 0.0)]], true);
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::orthographic(pose, Window::centered(9.0, 9.0), 3.9, 99.0).unwrap();
+        for uneven in [None, Some(0), Some(1)] {
+            let mut map = map_of(&occluders, true);
+            assert_eq!(map.memory.groups.groups.len(), 3, "two polygons and their pair");
+            if let Some(which) = uneven {
+                let polygon = occluders.occluder_polygon(which as u32);
+                let [low, high] = polygon.extent_along_normal;
+                let extent_along_normal = [low - 0.5, high + 0.5];
+                map.memory.groups.faces[which] =
+                    Face::new(&OccluderPolygon { extent_along_normal, ..polygon });
+            }
+            map.begin(&view, DVec3::ZERO);
+            map.compute(DVec3::splat(5.0), DVec3::splat(6.0));
+            let usable: Vec<bool> = map.memory.groups.groups.iter().map(|group| group.usable).collect();
+            let expected = [uneven != Some(0), uneven != Some(1), uneven.is_none()];
+            assert_eq!(usable, expected, "uneven: {uneven:?}");
+        }
+    }
+
+    /// A box behind both of a pair is hidden by the pair alone, and only while both may be used.
+    #[test]
+    fn a_pair_hides_while_both_of_its_polygons_are_usable() {
+        let [p, q] = [Vec3::new(4.0, 0.0, -5.0), Vec3::new(4.0, 0.0, 5.0)];
+        let occluders =
+            polygons_of(&[[p, q, Vec3::new(4.5, 5.0, 0.0)], [q, p, Vec3::new(4.5, -5.0, 0.0)]], true);
+        let (min, max) = (DVec3::new(6.0, -0.5, -0.5), DVec3::new(7.0, 0.5, 0.5));
+        for usable in [[true, true], [false, true], [true, false]] {
+            let mut map = map_of(&occluders, true);
+            map.begin(&look(DVec3::ZERO, DVec3::X), DVec3::ZERO);
+            map.compute(min, max);
+            let groups = &mut map.memory.groups;
+            for (face, usable) in groups.faces.iter_mut().zip(usable) {
+                assert!(face.usable, "a polygon before the eye");
+                face.usable = usable;
+            }
+            let (answer, _) = groups.compute(&map.projection.eye, false, min, max);
+            assert_eq!(answer == Occlusion::Hidden, usable == [true; 2], "usable: {usable:?}");
+        }
+    }
+}

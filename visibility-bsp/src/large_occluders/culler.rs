@@ -54,6 +54,8 @@ pub struct LargeOccludersCuller {
     /// Indices in `Occluders` of the `active` polygons that are sections: rectangles inside closed boxes,
     /// which hide only for eyes outside these boxes.
     sections: Vec<u32>,
+    /// Layers of the view for which `active` was found.
+    layers: u32,
     /// Whether every polygon of `selected` is in `active`. If false, the next frame tests again which of
     /// them may hide.
     all_active: bool,
@@ -76,6 +78,7 @@ impl LargeOccludersCuller {
             active: Vec::new(),
             sources: Vec::new(),
             sections: Vec::new(),
+            layers: 0,
             all_active: false,
             inner,
         }
@@ -163,11 +166,12 @@ impl Culler for LargeOccludersCuller {
         }
         let map = self.inner.map_mut();
         let volume = ViewVolume::new(view, scene, 0.0);
-        // If neither the scene nor the choice has changed, two conditions remain to be tested: the occluders
-        // are still drawn, also in this view's layers, and the eye is outside the boxes of all sections.
+        // If neither the scene nor the choice nor the view's layers have changed, two conditions remain to be
+        // tested: the occluders are still drawn, and the eye is outside the boxes of all sections.
         let settled = map.coherent
             && !chosen
             && self.all_active
+            && self.layers == view.layers()
             && view.clip_planes().is_empty()
             && self.sources.iter().all(|&id| is_drawn(scene, visible, &volume, id))
             && (self.sections.is_empty() || {
@@ -200,6 +204,7 @@ impl Culler for LargeOccludersCuller {
             self.sections.clear();
             let is_section = |&polygon: &u32| !self.occluders.solids_of(polygon).is_empty();
             self.sections.extend(self.active.iter().copied().filter(is_section));
+            self.layers = view.layers();
             // Polygons left out now may be usable in the next frame.
             self.all_active = self.active.len() == self.selected.len();
         }

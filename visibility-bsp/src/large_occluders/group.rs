@@ -185,16 +185,21 @@ impl Edge {
     }
 
     /// Returns two distances in metres that the eye may move from `eye`, the point passed to
-    /// [`update_eye`](Self::update_eye). Up to the first, a box that is inside the edge's plane stays inside;
-    /// up to the second, a box that is not does not come inside. Both are reduced by a bound on their
-    /// rounding error, to no less than 0. The box is from `min` to `max`, in metres relative to
-    /// `Scene::origin`.
+    /// [`update_eye`](Self::update_eye). Up to the first, a box that is inside the edge's plane stays inside,
+    /// and the ends do not come so near that the edge is not used; up to the second, a box that is not inside
+    /// does not come inside. Both are reduced by a bound on their rounding error, to no less than 0. The box
+    /// is from `min` to `max`, in metres relative to `Scene::origin`.
     pub(super) fn clearance(&self, eye: DVec3, min: DVec3, max: DVec3) -> [f64; 2] {
         // A corner is on the edge's plane where the eye is on the plane through the edge and the corner. Of
         // these planes of a box's points, the outermost are those of corners.
         let [a, b] = self.ends;
         let (side, to_eye) = (b - a, eye - a);
         let (mut inside, mut outside) = (f64::INFINITY, 0.0f64);
+        if self.placing_error > 0.0 {
+            // Coordinates of the ends, relative to the eye, change by no more than the eye moves.
+            let nearest = to_eye.abs().max_element().min((eye - b).abs().max_element());
+            inside = (nearest - self.placing_error / MAX_PLACING_ERROR).max(0.0);
+        }
         for corner in corners_of([min, max]) {
             // The normal is off by a few roundings of its factors, which the eye's distance from the edge
             // multiplies.
@@ -441,6 +446,80 @@ mod tests {
             let mut edge = self::edge(0.0);
             edge.update_eye(&eye, 0.0, true);
             assert!(edge.holds(&eye, low, high), "from {low} to {high}, without errors");
+        }
+    }
+
+    /// Edges, corners and eyes of whole numbers. An eye may move as far as is told, straight to the plane
+    /// through the edge and the corner, and stays on its side of it, wherever the ends are. In the first case
+    /// the normal is rounded by much more than it is long; in the second, ends that are off turn it much; in
+    /// the third, they move it.
+    #[test]
+    fn an_eye_that_moves_as_far_as_is_told_stays_beside_the_plane() {
+        let mut random = visibility_testing::Random(45);
+        let mut whole = |bits: u32| (random.bits() >> (63 - bits)) as i64 - (1 << bits);
+        let mut moved = [[0; 2]; 3];
+        for round in 0..12_000 {
+            let case = round % 3;
+            let mut point = |bits: u32| [(); 3].map(|()| whole(bits));
+            let plus = |p: [i64; 3], k: i64, q: [i64; 3]| [0, 1, 2].map(|i| p[i] + k * q[i]);
+            let (a, part, little) = (point(20), point([34, 22, 38][case]), point([8, 9, 41][case]));
+            let [b, to_eye] = [plus(a, 16, part), point([38, 30, 32][case])];
+            let (eye, placed) = (plus(a, 1, to_eye), [0, 1, 64][case]);
+            let q = plus(plus(a, whole(5), part), 1, little);
+            let from_front = whole(1) > 0;
+            let turn = if from_front { -1 } else { 1 };
+            let height = |eye, [a, b]: [_; 2]| turn * volume([eye, a, b, q]);
+            let metres = |p: [i64; 3]| DVec3::from_array(p.map(|x| x as f64));
+            let mut edge = Edge::new([a, b].map(metres), 0, placed as f64);
+            edge.update_eye(&Eye::Point(metres(eye)), 0.0, from_front);
+            let before = height(eye, [a, b]);
+            let is_inside = before > 0;
+            let distance = edge.clearance(metres(eye), metres(q), metres(q))[usize::from(!is_inside)];
+            // The exact normal, and the way from the eye to the plane.
+            let [side, corner] = [b, q].map(|p| [0, 1, 2].map(|i| i128::from(p[i] - a[i])));
+            let normal = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| side[i] * corner[j] - side[j] * corner[i]);
+            let over: i128 = (0..3).map(|i| normal[i] * i128::from(to_eye[i])).sum();
+            if distance < 4.0 || over == 0 {
+                continue;
+            }
+            let normal = DVec3::from_array(normal.map(|x| x as f64)) * -over.signum() as f64;
+            let way = normal.normalize() * distance;
+            let there = plus(eye, 1, way.to_array().map(|x| x.trunc() as i64));
+            // Both ends towards the eye, and each way.
+            let towards = normal.to_array().map(|x| -(x.signum() as i64) * placed);
+            let mut off = || [(); 3].map(|()| placed * whole(1).signum());
+            let shifts = [[[0; 3]; 2], [towards; 2], [towards, off()], [off(), towards], [off(), off()]];
+            for shift in shifts {
+                let now = height(there, [plus(a, 1, shift[0]), plus(b, 1, shift[1])]);
+                assert!(
+                    now.signum() == before.signum(),
+                    "round {round}: {distance} from {eye:?}, of {edge:?} and {q:?}: {now} of {before}"
+                );
+            }
+            moved[case][usize::from(is_inside)] += 1;
+        }
+        assert!(moved.iter().flatten().all(|&count| count > 500), "eyes that moved: {moved:?}");
+    }
+
+    /// An answer lasts no longer than the edge may be used.
+    #[test]
+    fn an_eye_that_moves_as_far_as_is_told_may_use_the_edge() {
+        let (min, max) = (DVec3::new(3.0, -1.0, -1.0), DVec3::new(4.0, 0.5, 1.0));
+        let edge = |eye: f64, placing_error| {
+            let mut edge = edge(placing_error);
+            edge.update_eye(&Eye::Point(DVec3::splat(eye)), 0.0, true);
+            let holds = edge.holds(&Eye::Point(DVec3::splat(eye)), min, max);
+            (holds, edge.clearance(DVec3::splat(eye), min, max)[0])
+        };
+        let (holds, free) = edge(0.0, 0.0);
+        assert!(holds && free > 1.0, "an eye may move by {free} m beside an exact edge");
+        // The ends may be off by 2^-25 m, which is too much from half a metre on.
+        let placing_error = 0.5 * MAX_PLACING_ERROR;
+        for eye in [0.0, 0.25, 0.49, 0.51] {
+            let (holds, free) = edge(eye, placing_error);
+            assert_eq!(holds, eye < 0.5, "an edge seen from {eye}");
+            let left = (0.5 - eye).max(0.0);
+            assert!((free - left).abs() < 1e-6, "an eye at {eye} may move by {free} m");
         }
     }
 }

@@ -303,3 +303,200 @@ impl TreeVisitor for Frame<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec::Vec;
+    use visibility_core::glam::{DAffine3, DVec3, Vec3};
+    use visibility_core::scene::{SharedTriangles, Triangle};
+    use visibility_core::{Aabb, Object, Pose};
+
+    /// A view from the origin along the x axis.
+    fn view() -> View {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        View::perspective(pose, 1.2, 1.0, 0.1, f64::INFINITY).unwrap()
+    }
+
+    /// Returns a triangle across the x axis, counter-clockwise as seen from the origin.
+    fn across(x: f32, size: f32) -> Triangle {
+        [[2.0, -1.0], [-2.0, -1.0], [0.0, 2.0]].map(|[y, z]| Vec3::new(x, y * size, z * size))
+    }
+
+    fn insert(scene: &mut Scene, triangles: impl Into<SharedTriangles>, object: Object) -> ObjectId {
+        let triangles = triangles.into();
+        let id = scene.insert(Object { bounds: triangles.bounds(), ..object });
+        scene.set_triangles(id, triangles).unwrap();
+        id
+    }
+
+    const OBJECT: Object = Object::new(Aabb::EMPTY);
+    const OCCLUDER: Object = Object { occluder: true, ..OBJECT };
+
+    /// Returns which of some objects remain of all objects in a view of all layers.
+    fn seen<const N: usize>(scene: &Scene, view: &View, ids: [ObjectId; N]) -> [bool; N] {
+        let mut culler = NaylorCuller::new(SceneTree::new(scene).unwrap());
+        let mut visible = VisibleSet::new();
+        visible.fill(scene, &self::view());
+        culler.cull(scene, view, &mut visible);
+        for id in ids {
+            assert!(
+                culler.witness(id).is_none() || visible.contains(scene, id),
+                "a witness of what is hidden"
+            );
+        }
+        ids.map(|id| visible.contains(scene, id))
+    }
+
+    #[test]
+    fn faces_in_one_plane_do_not_hide_each_other() {
+        let mut scene = Scene::new();
+        let faces = [3.0, 1.0, 2.0].map(|size| insert(&mut scene, [across(4.0, size)], OCCLUDER));
+        let behind = insert(&mut scene, [across(5.0, 1.0)], OCCLUDER);
+        let [a, b, c] = faces;
+        assert_eq!(
+            seen(&scene, &view(), [a, b, c, behind]),
+            [true, true, true, false],
+            "three faces in a plane"
+        );
+    }
+
+    #[test]
+    fn what_is_no_occluder_hides_nothing() {
+        let mut scene = Scene::new();
+        let glass = insert(&mut scene, [across(4.0, 3.0)], OBJECT);
+        let behind = insert(&mut scene, [across(5.0, 1.0)], OBJECT);
+        assert_eq!(seen(&scene, &view(), [glass, behind]), [true; 2], "behind glass");
+        insert(&mut scene, [across(4.5, 3.0)], OCCLUDER);
+        assert_eq!(seen(&scene, &view(), [glass, behind]), [true, false], "behind a wall behind glass");
+    }
+
+    /// Lines of the tree have the error of the projection, and those of a polygon the error of its corners.
+    #[test]
+    fn lines_have_the_errors_of_what_is_projected() {
+        let mut scene = Scene::new();
+        insert(&mut scene, [across(4.0, 0.25)], OCCLUDER);
+        let tree = SceneTree::new(&scene).unwrap();
+        let projection = ScreenProjection::new(&view(), &scene, &tree.tree().bounds()).unwrap();
+        let mut culler = NaylorCuller::new(tree);
+        let mut visible = VisibleSet::new();
+        visible.fill(&scene, &view());
+        culler.cull(&scene, &view(), &mut visible);
+        let (grid, polygon) = culler.scratch.beams.margins();
+        assert!(
+            grid.iter().all(|&margin| margin == 4.0 * projection.error()),
+            "margins of the grid: {grid:?}"
+        );
+        // The error at 4 m is a 40th of that at the near plane.
+        let error = culler.scratch.image.error;
+        assert!((projection.error() / error / 40.0 - 1.0).abs() < 0.01, "{error} of {}", projection.error());
+        let corners = &culler.scratch.image.polygon;
+        assert_eq!((polygon.len(), corners.len()), (3, 3), "lines and corners of a triangle");
+        for (i, margin) in polygon.iter().enumerate() {
+            let (p, q) = (corners[i], corners[(i + 1) % 3]);
+            let wanted = 4.0 * error * (1.0 + 5.8 / (q.x - p.x).hypot(q.y - p.y));
+            assert!((margin / wanted - 1.0).abs() < 1e-9, "margin of edge {i}: {margin} of {wanted}");
+        }
+    }
+
+    #[test]
+    fn what_is_on_no_layer_of_the_view_hides_nothing() {
+        let mut scene = Scene::new();
+        let wall = insert(&mut scene, [across(4.0, 3.0)], Object { layers: 1, ..OCCLUDER });
+        let behind = insert(&mut scene, [across(5.0, 1.0)], OBJECT);
+        // The set has objects of all layers.
+        for (layers, is) in [(1, false), (2, true), (3, false)] {
+            let view = view().with_layers(layers);
+            assert_eq!(seen(&scene, &view, [behind]), [is], "behind a wall, on layers {layers}");
+        }
+        assert_eq!(seen(&scene, &view(), [wall]), [true], "the wall");
+    }
+
+    /// A transform that flattens leaves open which side the front is on: the object is seen from both, and
+    /// hides nothing.
+    #[test]
+    fn an_object_whose_fronts_are_uncertain_is_seen_from_both_sides() {
+        let shared = SharedTriangles::from([across(0.0, 3.0)]);
+        for one_sided in [false, true] {
+            for (scale, turn, expected) in [
+                (1.0, 0.0, [true, false]),
+                (1.0, core::f64::consts::PI, if one_sided { [false, true] } else { [true, false] }),
+                (0.0, 0.0, if one_sided { [true, true] } else { [true, false] }),
+                (0.0, core::f64::consts::PI, if one_sided { [true, true] } else { [true, false] }),
+            ] {
+                let mut scene = Scene::new();
+                let placed = DAffine3::from_translation(DVec3::X * 4.0)
+                    * DAffine3::from_rotation_z(turn)
+                    * DAffine3::from_scale(DVec3::new(scale, 1.0, 1.0));
+                let face = insert(&mut scene, shared.placed(placed), Object { one_sided, ..OCCLUDER });
+                let behind = insert(&mut scene, [across(5.0, 0.5)], OBJECT);
+                let found = seen(&scene, &view(), [face, behind]);
+                assert_eq!(found, expected, "one-sided: {one_sided}, scaled by {scale}, turned by {turn}");
+            }
+        }
+    }
+
+    /// An object whose box is so narrow that its faces may be missed is reported, hidden or not; so is one
+    /// without faces, and one that is seen edge on.
+    #[test]
+    fn needles_are_visible_and_edges_are_not() {
+        let needle = |x: f32, width: f32| {
+            [[-0.5, 0.0], [0.5, 0.0], [0.5, 1.0]].map(|[y, t]| Vec3::new(x, y, width * t))
+        };
+        for wall in [false, true] {
+            let mut scene = Scene::new();
+            if wall {
+                insert(&mut scene, [across(4.0, 3.0)], OCCLUDER);
+            }
+            let [thin, thick] = [5e-8, 1e-5].map(|width| insert(&mut scene, [needle(5.0, width)], OBJECT));
+            // A face that is seen edge on, and one of no triangles at all.
+            let edge = insert(&mut scene, [[Vec3::X * 5.0, Vec3::X * 6.0, Vec3::new(6.0, 1.0, 0.0)]], OBJECT);
+            let empty = scene.insert(Aabb::from_arrays([5.0, 0.0, 0.0], [6.0, 0.5, 0.5]));
+            let found = seen(&scene, &view(), [thin, thick, edge, empty]);
+            assert_eq!(
+                found,
+                [true, !wall, true, true],
+                "a needle, a strip, an edge and no face; wall: {wall}"
+            );
+        }
+    }
+
+    /// Behind a wall that covers the image, no fragment is looked at: a needle is reported all the same.
+    #[test]
+    fn needles_behind_a_covered_image_are_visible() {
+        let mut scene = Scene::new();
+        insert(&mut scene, [across(4.0, 9.0)], OCCLUDER);
+        // The first strip divides the others from the wall.
+        let [first, second, thin] = [(5.0, 1e-5), (6.0, 1e-5), (7.0, 5e-8)].map(|(x, width)| {
+            let needle = [[-0.5, 0.0], [0.5, 0.0], [0.5, width]].map(|[y, z]| Vec3::new(x, y, z));
+            insert(&mut scene, [needle], OBJECT)
+        });
+        let found = seen(&scene, &view(), [first, second, thin]);
+        assert_eq!(found, [false, false, true], "two strips and a needle");
+    }
+
+    /// A strip of triangles each of which is narrower than the tolerance, all together are wider than that.
+    #[test]
+    fn narrow_triangles_are_seen_by_what_they_show_together() {
+        for (count, is) in [(1, false), (40, true)] {
+            for wall in [false, true] {
+                let mut scene = Scene::new();
+                // Each is 2e-8 wide in the image. The box of the object is not narrow, since a last triangle
+                // reaches up.
+                let triangles: Vec<Triangle> = (0..count)
+                    .map(|i| {
+                        let z = |k: i32| 2e-7 * (i + k) as f32;
+                        [[-0.5, z(0)], [0.5, z(0)], [0.5, z(1)]].map(|[y, z]| Vec3::new(8.0, y, z))
+                    })
+                    .chain([[Vec3::new(8.0, 0.0, 0.0), Vec3::new(8.0, 1e-7, 0.0), Vec3::new(8.0, 0.0, 0.5)]])
+                    .collect();
+                let id = insert(&mut scene, triangles, OBJECT);
+                if wall {
+                    insert(&mut scene, [across(4.0, 3.0)], OCCLUDER);
+                }
+                let found = seen(&scene, &view(), [id]);
+                assert_eq!(found, [is && !wall], "{count} triangles, wall: {wall}");
+            }
+        }
+    }
+}

@@ -282,6 +282,24 @@ mod tests {
         }
     }
 
+    /// A parallel view whose direction is off by its error, over the extent of the scene, moves the image by
+    /// more than corners are off.
+    #[test]
+    fn a_view_is_refused_where_the_error_of_its_direction_moves_the_image() {
+        for window in [[1.0, 1.0], [1.0, 40.0], [40.0, 1.0]] {
+            let pose = Pose::look_at(DVec3::ZERO, DVec3::new(0.6, 0.5, 0.3), DVec3::Z);
+            let window = Window::centered(window[0], window[1]);
+            let view = View::orthographic(pose, window, 0.1, 99.0).unwrap();
+            let eye_error = ViewProjection::new(&view, DVec3::ZERO).eye_error();
+            // Half of the image is 1 m wide, and the scene 2 sizes along each axis.
+            let limit = 1e-8 * 0.999 / (2.0 * 3f64.sqrt() * eye_error);
+            let new = |share: f64| ScreenProjection::new(&view, &Scene::new(), &cube((share * limit) as f32));
+            assert!(new(1.01).is_none(), "{limit} m, window {window:?}");
+            let error = new(0.99).map(|projection| projection.error());
+            assert!(error.is_some_and(|error| error < 0.9e-8), "{error:?} at {limit} m, window {window:?}");
+        }
+    }
+
     /// Returns the image of a point, whose coordinates are multiples of 2^-8, and its depth. Sums are exact,
     /// of matrix elements to 2^-60.
     fn exactly(view: &View, p: DVec3) -> ([f64; 2], f64) {

@@ -29,3 +29,38 @@ pub(super) fn halve(order: &mut [u32], centers: &[DVec3]) {
     halve(left, centers);
     halve(right, centers);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_hold_their_points_and_no_more() {
+        let [a, b] = [DVec3::new(1.0, -5.0, 3.0), DVec3::new(2.0, 4.0, -3.0)];
+        let expected = (DVec3::new(1.0, -5.0, -3.0), DVec3::new(2.0, 4.0, 3.0));
+        assert_eq!(bounds_of([a, b].into_iter()), expected, "bounds of two points");
+        assert_eq!(bounds_of([b, a].into_iter()), expected, "bounds of the same points");
+        assert_eq!(bounds_of([].into_iter()), (DVec3::INFINITY, DVec3::NEG_INFINITY), "without points");
+    }
+
+    /// Points in a row, in a random order: each block but the last has a run of 32.
+    #[test]
+    fn blocks_are_runs_of_neighbours() {
+        for count in [31, 32, 33, 64, 65, 96, 97, 250] {
+            for axis in 0..3 {
+                let mut random = visibility_testing::Random(count as u64);
+                let keys: alloc::vec::Vec<u64> = (0..count).map(|_| random.bits()).collect();
+                let rank = |i: usize| keys.iter().filter(|&&key| key < keys[i]).count();
+                let centers: alloc::vec::Vec<DVec3> =
+                    (0..count).map(|i| DVec3::AXES[axis] * rank(i) as f64).collect();
+                let mut order: alloc::vec::Vec<u32> = (0..count as u32).collect();
+                halve(&mut order, &centers);
+                for (number, block) in order.chunks(BLOCK).enumerate() {
+                    let (min, max) = bounds_of(block.iter().map(|&i| centers[i as usize]));
+                    assert_eq!(min[axis], (number * BLOCK) as f64, "block {number} of {count}");
+                    assert_eq!((max - min)[axis], (block.len() - 1) as f64, "block {number} of {count}");
+                }
+            }
+        }
+    }
+}

@@ -341,4 +341,64 @@ mod tests {
             }
         }
     }
+
+    /// Returns the joined rectangles of a group, and their sources.
+    fn joined(group: &[[[f64; 2]; 2]]) -> Vec<([[f64; 2]; 2], Vec<u32>)> {
+        let rectangles: Vec<Rectangle> =
+            (0..).zip(group).map(|(source, &[low, high])| Rectangle { low, high, source }).collect();
+        let mut found = Vec::new();
+        join_group(&rectangles.iter().collect::<Vec<_>>(), |low, high, sources| {
+            found.push(([low, high], sources));
+        });
+        found
+    }
+
+    #[test]
+    fn joined_rectangles_have_the_sources_of_their_area_alone() {
+        let [low, left, corner, far] = [
+            [[0.0, 0.0], [4.0, 1.0]],
+            [[0.0, 1.0], [1.0, 3.0]],
+            [[0.0, 0.0], [1.0, 1.0]],
+            [[4.0, 0.0], [5.0, 1.0]],
+        ];
+        let upright = [[0.0, 0.0], [1.0, 3.0]];
+        // What touches a rectangle from beside is no part of it.
+        assert_eq!(joined(&[low, left]), [(low, [0].into()), (upright, [0, 1].into())], "an angle");
+        assert_eq!(joined(&[left, low]), [(low, [1].into()), (upright, [0, 1].into())], "an angle");
+        let wide = [[0.0, 0.0], [5.0, 1.0]];
+        assert_eq!(
+            joined(&[left, low, corner, far]),
+            [(wide, [1, 2, 3].into()), (upright, [0, 1, 2].into())],
+            "an angle of four"
+        );
+        let right = [[3.0, 1.0], [4.0, 3.0]];
+        let upright = [[3.0, 0.0], [4.0, 3.0]];
+        assert_eq!(
+            joined(&[low, right, corner]),
+            [(low, [0, 2].into()), (upright, [0, 1].into())],
+            "an angle"
+        );
+        assert_eq!(joined(&[left]), [(left, [0].into())], "a single rectangle");
+        // Each covers what the other does: one is enough, of which both are sources.
+        assert_eq!(joined(&[left, left]), [(left, [0, 1].into())], "one rectangle twice");
+    }
+
+    #[test]
+    fn groups_whose_grids_are_too_fine_are_not_joined() {
+        // Rectangles from a common corner, each lower and longer than the one before.
+        let stairs = |count: usize| -> Vec<[[f64; 2]; 2]> {
+            (1..=count).map(|i| [[0.0, 0.0], [i as f64, (count + 1 - i) as f64]]).collect()
+        };
+        assert_eq!(joined(&stairs(128)).len(), 64, "rectangles of a grid of 2^14 cells");
+        let more = stairs(129);
+        let found = joined(&more);
+        assert_eq!(found.len(), 129, "rectangles of a larger grid");
+        for (number, (rectangle, sources)) in (0..).zip(&found) {
+            assert_eq!(
+                (rectangle, &sources[..]),
+                (&more[number as usize], &[number][..]),
+                "rectangle {number}"
+            );
+        }
+    }
 }

@@ -157,7 +157,8 @@ impl Sweep<'_> {
     fn unite_below(&mut self, node: usize, number: u32) {
         work::step();
         let Interval { spanning, any, end, one_group } = self.tree[node];
-        if any == NONE || end < self.rectangles[number as usize].low[self.along] {
+        // An empty interval has the end minus infinity.
+        if end < self.rectangles[number as usize].low[self.along] {
             return;
         }
         if one_group {

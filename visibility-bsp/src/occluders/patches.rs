@@ -198,6 +198,34 @@ mod tests {
         assert_eq!(join(&bent).len(), 2, "a bent fan is two polygons");
     }
 
+    /// Two fans that meet along a line of three edges. Neither takes in a triangle of the other alone, which
+    /// would make an inward corner.
+    #[test]
+    fn fans_that_share_several_edges_are_one_polygon() {
+        let line = |k: i32| DVec3::new(f64::from(k), 0.0, 0.0);
+        let tips = [1.0, -1.0].map(|y| DVec3::new(1.5, y, 0.0));
+        let [above, below] = tips;
+        let triangle = |corners, source| OccluderTriangle { corners, source, two_sided: false };
+        for shift in 0..3 {
+            let turned = |mut corners: [DVec3; 3]| {
+                corners.rotate_left(shift);
+                corners
+            };
+            let below = (0..3).map(|k| triangle([below, line(k + 1), line(k)], k as u32));
+            let above = (0..3).map(|k| triangle(turned([above, line(k), line(k + 1)]), 3 + k as u32));
+            let outlines = join(&below.chain(above).collect::<Vec<_>>());
+            assert_eq!(outlines.len(), 1, "both fans, turned by {shift}");
+            let mut corners = outlines[0].vertices.clone();
+            let first = corners.iter().position(|&v| v == line(0)).expect("an end of the line");
+            corners.rotate_left(first);
+            assert_eq!(corners, [line(0), tips[1], line(3), tips[0]], "corners, turned by {shift}");
+            let mut inner = outlines[0].inner.clone();
+            inner.sort_by(|a, b| a.x.total_cmp(&b.x));
+            assert_eq!(inner, [line(1), line(2)], "points inside, turned by {shift}");
+            assert_eq!(outlines[0].sources, [0, 1, 2, 3, 4, 5], "triangles");
+        }
+    }
+
     #[test]
     fn a_fan_around_a_point_is_one_polygon_with_the_point_inside() {
         let around = [[2, 0], [1, 2], [-1, 2], [-2, 0], [-1, -2], [1, -2]];

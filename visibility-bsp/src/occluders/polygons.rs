@@ -523,4 +523,80 @@ mod tests {
         assert!(occluders.occluder_polygon(0).two_sided, "a two-sided triangle, from within too");
         assert!(occluders.hides_behind(&occluders.polygons[0], None), "a two-sided triangle from anywhere");
     }
+
+    /// Inserts a tetrahedron as an occluder, of which no two faces are joined.
+    fn insert_tetrahedron(scene: &mut Scene, at: f32, size: f32) -> ObjectId {
+        let corner = |x: f32, y: f32, z: f32| Vec3::new(at + size * x, size * y, size * z);
+        let [a, b, c, d] = [
+            corner(0.0, 0.0, 0.0),
+            corner(1.0, 0.25, 0.5),
+            corner(0.25, 1.0, 0.125),
+            corner(0.5, 0.125, 1.0),
+        ];
+        let triangles = [[a, c, b], [a, b, d], [b, c, d], [c, a, d]];
+        let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        scene.set_triangles(id, triangles).unwrap();
+        scene.prepare_occluders(&visibility_core::occlusion::Preparation::default());
+        id
+    }
+
+    #[test]
+    fn dropped_polygons_do_not_count() {
+        let mut scene = Scene::new();
+        let large = insert_tetrahedron(&mut scene, 0.0, 8.0);
+        let small = insert_tetrahedron(&mut scene, 20.0, 1.0);
+        let mut occluders = Occluders::new(&scene);
+        let check = |occluders: &Occluders, wanted: &[ObjectId], all| {
+            assert_eq!(occluders.polygons.len(), all, "polygons, dropped ones too");
+            assert_eq!(
+                (occluders.len(), occluders.is_empty()),
+                (4 * wanted.len(), wanted.is_empty()),
+                "polygons"
+            );
+            assert_eq!(occluders.polygons().count(), 4 * wanted.len(), "polygons one by one");
+            assert!(occluders.polygons().all(|vertices| vertices.len() == 3), "triangles alone");
+            let numbers: Vec<&u32> = occluders.of_object.values().flatten().collect();
+            assert_eq!(numbers.len(), 4 * wanted.len(), "polygons by object");
+            for id in wanted {
+                let own = &occluders.of_object[&(id.index() as u32)];
+                assert!(own.iter().all(|&number| occluders.sources_of(number) == [*id]), "polygons of {id}");
+            }
+        };
+        check(&occluders, &[large, small], 8);
+        scene.set_layers(small, 3).unwrap();
+        occluders.sync(&scene);
+        check(&occluders, &[large, small], 12);
+        scene.set_occluder(large, false).unwrap();
+        occluders.sync(&scene);
+        check(&occluders, &[small], 12);
+        #[cfg(feature = "papers")]
+        assert!(occluders.largest_radius() < 1.5, "radius of the small one: {}", occluders.largest_radius());
+        scene.remove(small).unwrap();
+        occluders.sync(&scene);
+        check(&occluders, &[], 12);
+        #[cfg(feature = "papers")]
+        assert_eq!(occluders.largest_radius(), 0.0, "radius without polygons");
+    }
+
+    /// All polygons are made anew once more than 64 are dropped ones, and these are more than the others.
+    #[test]
+    fn polygons_are_made_anew_once_most_are_dropped() {
+        for (others, last) in [(0, 16), (1, 16), (17, 17), (18, 18)] {
+            let mut scene = Scene::new();
+            for number in 0..others {
+                insert_tetrahedron(&mut scene, 10.0 * number as f32, 1.0);
+            }
+            let id = insert_tetrahedron(&mut scene, -10.0, 1.0);
+            let mut occluders = Occluders::new(&scene);
+            for change in 1..=last + 1 {
+                scene.set_layers(id, change).unwrap();
+                occluders.sync(&scene);
+                let kept = if change <= last { change as usize } else { 0 };
+                let expected = 4 * (others + 1 + kept);
+                assert_eq!(occluders.polygons.len(), expected, "{others} others, after {change} changes");
+                assert_eq!(occluders.len(), 4 * (others + 1), "{others} others, after {change} changes");
+            }
+        }
+    }
 }

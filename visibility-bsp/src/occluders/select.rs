@@ -104,8 +104,8 @@ impl Selector {
     /// Tests whether an object is in the scene and has not changed since the polygons were made. False if the
     /// object was removed or changed.
     fn is_fresh(&self, scene: &Scene, id: ObjectId) -> bool {
-        let is_known = id.index() / 64 < self.stale.words().len();
-        is_known && !self.stale.contains(id.index()) && !self.lost && scene.contains(id)
+        // The bits reach as far as the indices of the scene, which the polygons need not be of.
+        !self.lost && scene.contains(id) && !self.stale.contains(id.index())
     }
 
     /// Tests whether every object that a polygon was made from is unchanged since, flagged as an occluder,
@@ -298,4 +298,176 @@ pub(crate) fn angle_of(projection: &ClipProjection, corners: &[ShadowCorner]) ->
         }
     }
     sum as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Object, Pose, occlusion::Preparation, view::Window};
+    use visibility_testing::Random;
+
+    /// Returns a scene of random triangles, each an occluder of its own, and their polygons.
+    fn triangles(count: usize) -> (Scene, Occluders) {
+        let (mut scene, mut random) = (Scene::new(), Random(51));
+        for number in 0..count {
+            let center = random.fine_vector(20.0);
+            let size = [0.2, 1.0, 6.0][number % 3];
+            let triangle: [Vec3; 3] = [(); 3].map(|()| (center + random.fine_vector(size)).as_vec3());
+            let bounds = Aabb::from_points(triangle);
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            scene.set_triangles(id, [triangle]).unwrap();
+        }
+        let two_sided = Preparation::default().with_sliver(0.0).with_two_sided(count.is_multiple_of(2));
+        scene.prepare_occluders(&two_sided);
+        let occluders = Occluders::new(&scene);
+        (scene, occluders)
+    }
+
+    /// Eyes far from all polygons and among them, and directions.
+    fn eyes() -> Vec<Eye> {
+        let mut random = Random(52);
+        (0..30)
+            .map(|i| match i % 3 {
+                0 => Eye::Direction(random.direction()),
+                _ => Eye::Point(random.fine_vector([5.0, 60.0][i % 2])),
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_polygons_with_the_greatest_bounds_are_chosen() {
+        for triangles_of in [200, 201, 5] {
+            let (scene, occluders) = triangles(triangles_of);
+            assert_eq!(occluders.len(), triangles_of, "a polygon for each triangle");
+            let mut selector = Selector::default();
+            assert!(selector.follow(&occluders, &scene), "new polygons");
+            assert!(!selector.follow(&occluders, &scene), "nothing new");
+            let pose = Pose::look_at(DVec3::new(-9.0, 2.0, 1.0), DVec3::ZERO, DVec3::Z);
+            let view = View::perspective(pose, 0.7, 1.0, 0.1, 30.0).unwrap();
+            let volume = ViewVolume::new(&view, &scene, 0.0);
+            for eye in eyes() {
+                for (volume, count) in
+                    [None, Some(&volume)].into_iter().flat_map(|v| [0, 1, 7, 40, 1000].map(|c| (v, c)))
+                {
+                    selector.choose(&occluders, &eye, false, volume, count);
+                    let point = if let Eye::Point(eye) = eye { Some(eye) } else { None };
+                    let mut expected: Vec<(f32, u32)> = (0..)
+                        .zip(&occluders.polygons)
+                        .filter(|(_, p)| volume.is_none_or(|volume| volume.meets_sphere(p.center, p.radius)))
+                        .map(|(number, p)| (bound(p, occluders.hides_behind(p, point), &eye), number))
+                        .filter(|(bound, _)| *bound > 0.0)
+                        .collect();
+                    expected.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+                    expected.truncate(count);
+                    let found: Vec<(f32, u32)> =
+                        selector.chosen.iter().map(|c| (c.bound, c.polygon)).collect();
+                    assert_eq!(found, expected, "{count} of {triangles_of}, from {eye:?}");
+                }
+            }
+        }
+    }
+
+    /// The bound of a polygon is not below its solid angle, which is known to 6 %, or its projected area.
+    /// That of a block is not below those of its polygons.
+    #[test]
+    fn bounds_on_solid_angles_hold() {
+        let (_, occluders) = triangles(200);
+        let mut near = 0;
+        for eye in eyes() {
+            for block in &occluders.blocks {
+                let bound_of_block = block.bound(&eye);
+                for polygon in &occluders.polygons[block.first as usize..][..block.count as usize] {
+                    let bound = [true, false].map(|behind| bound(polygon, behind, &eye));
+                    assert!(bound[0] <= bound_of_block, "{} of {bound_of_block}", bound[0]);
+                    assert!(bound[0] >= 0.0 && bound[0] <= MAX_ANGLE.max(bound_of_block), "{bound:?}");
+                    assert!(bound[1] == bound[0] || bound[1] <= 0.0, "{bound:?}");
+                    let corners = &occluders.vertices[polygon.first as usize..][..3];
+                    let (angle, is_front) = match eye {
+                        Eye::Point(eye) => {
+                            let height = polygon.normal.dot(eye - corners[0]);
+                            let unit = |k: usize| (corners[k] - eye).normalize();
+                            (solid_angle([unit(0), unit(1), unit(2)]), height > 0.0)
+                        }
+                        Eye::Direction(along) => {
+                            let rise = polygon.normal.dot(along);
+                            (polygon.area * rise.abs(), rise < 0.0)
+                        }
+                    };
+                    assert!(f64::from(bound[0]) >= angle * 0.94, "{} for {angle} from {eye:?}", bound[0]);
+                    assert!(bound[0] < 1e-6 || (bound[1] > 0.0) == is_front, "{bound:?} from {eye:?}");
+                    if matches!(eye, Eye::Direction(_)) {
+                        assert!((f64::from(bound[0]) - angle).abs() <= 1e-6 * angle, "an area is exact");
+                    }
+                    near += usize::from(bound[0] == MAX_ANGLE);
+                }
+            }
+        }
+        assert!(near > 10, "eyes near a polygon: {near}");
+        // Eyes inside of a sphere, and in the plane of a polygon.
+        let block = Block { center: DVec3::ZERO, radius: 2.0, area: 1.0, first: 0, count: 0 };
+        for (x, expected) in [(0.0, MAX_ANGLE), (2.0, MAX_ANGLE), (3.0, 1.0), (4.0, 0.25)] {
+            assert_eq!(block.bound(&Eye::Point(DVec3::X * x)), expected, "a block from {x} m");
+        }
+        assert_eq!(block.bound(&Eye::Direction(DVec3::X)), 1.0, "the area of a block");
+    }
+
+    #[test]
+    fn the_polygons_of_the_greatest_worth_are_kept() {
+        let chosen =
+            |count: u32| (0..count).map(|polygon| Chosen { polygon, bound: 1.0 + polygon as f32 }).collect();
+        for (count, all, expected) in [
+            // Worth is 7 for polygons 0 and 3 of each 5; of equal ones, those of lower numbers are kept.
+            (3, 10, &[0, 3, 5][..]),
+            (1, 10, &[0]),
+            (10, 10, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9]),
+            (0, 3, &[0, 1, 2]),
+            (4, 3, &[0, 1, 2]),
+        ] {
+            let mut selector = Selector { chosen: chosen(all), ..Selector::default() };
+            let mut asked = 0;
+            selector.keep_worthy(count, |polygon, bound| {
+                asked += 1;
+                assert_eq!(bound, 1.0 + polygon as f32, "bound of polygon {polygon}");
+                if polygon % 5 % 3 == 0 { 7.0 } else { 1.0 }
+            });
+            let mut found: Vec<u32> = selector.chosen.iter().map(|chosen| chosen.polygon).collect();
+            found.sort_unstable();
+            assert_eq!(found, expected, "{count} of {all}");
+            let is_ranked = count > 0 && (all as usize) > count;
+            assert_eq!(asked, if is_ranked { all } else { 0 }, "worths asked for, {count} of {all}");
+        }
+    }
+
+    /// A square of 2 m, 10 m away in the middle of the image: an image 2 wide has an area of 4.
+    #[test]
+    fn angles_of_projections_are_those_of_their_corners() {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        for (view, expected) in [
+            (View::perspective_off_center(pose, Window::centered(1.0, 1.0), 0.1, 99.0).unwrap(), 0.04),
+            (View::orthographic(pose, Window::centered(4.0, 2.0), 0.1, 99.0).unwrap(), 0.5),
+        ] {
+            let projection = ClipProjection::new(&view, DVec3::ZERO);
+            let corner = |[y, z]: [f64; 2]| {
+                let p = DVec3::new(10.0, y, z);
+                let [x, y, w] = projection.values(p);
+                let size = x.abs().max(y.abs()).max(w.abs());
+                ShadowCorner { p, v: [x / size, y / size, w / size], size, edge: 0 }
+            };
+            let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(corner);
+            for first in 0..4 {
+                let mut corners = corners;
+                corners.rotate_left(first);
+                let angle = angle_of(&projection, &corners);
+                assert!(
+                    (angle - expected).abs() < 0.06 * expected,
+                    "{angle} of {expected}, from corner {first}"
+                );
+            }
+            let half = angle_of(&projection, &corners[..3]);
+            assert!((half - 0.5 * expected).abs() < 0.03 * expected, "{half} of {expected}, of a triangle");
+            assert_eq!(angle_of(&projection, &corners[..2]), 0.0, "of an edge");
+            assert_eq!(angle_of(&projection, &[]), 0.0, "of nothing");
+        }
+    }
 }

@@ -125,3 +125,162 @@ fn to_cells(a: f64) -> f64 {
     // NaN is mapped to 0.
     if a > -1.0 { (a * 0.5 + 0.5).min(1.0) * CELLS as f64 } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::{Pose, View, view::Window};
+
+    /// The image of a parallel view along -z, from -1 to 1 on both axes.
+    fn projection() -> ClipProjection {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y);
+        let view = View::orthographic(pose, Window::centered(1.0, 1.0), 0.1, 99.0).unwrap();
+        ClipProjection::new(&view, DVec3::ZERO)
+    }
+
+    /// Returns the density of objects at the middles of cells.
+    fn density(cells: &[[usize; 2]]) -> ScreenDensity {
+        let (projection, mut density) = (projection(), ScreenDensity::default());
+        density.clear();
+        for cell in cells {
+            let [x, y] = cell.map(|k| (k as f64 + 0.5) / 16.0 - 1.0);
+            density.add(&projection, DVec3::new(x, y, -5.0));
+        }
+        density.finish();
+        density
+    }
+
+    #[test]
+    fn objects_are_counted_in_rectangles_of_cells() {
+        let mut random = visibility_testing::Random(61);
+        let cells: Vec<[usize; 2]> = (0..200).map(|_| [(); 2].map(|()| random.below(CELLS))).collect();
+        let density = density(&cells);
+        assert_eq!(density.all, 200.0, "objects in the image");
+        for _ in 0..500 {
+            let low = [(); 2].map(|()| random.below(CELLS));
+            let high = low.map(|from| from + 1 + random.below(CELLS - from));
+            let inside = |cell: &&[usize; 2]| (0..2).all(|i| low[i] <= cell[i] && cell[i] < high[i]);
+            let count = cells.iter().filter(inside).count() as f64;
+            let [from, to] = [low, high].map(|p| p.map(|x| x as f64));
+            let area = (to[0] - from[0]) * (to[1] - from[1]);
+            let (worth, found) = density.rectangle(from, to);
+            assert_eq!(found, area, "area of {low:?} to {high:?}");
+            // A quarter of all objects, and one more, are spread over all cells.
+            let expected = count + area * 51.0 / 1024.0;
+            assert!((worth - expected).abs() < 1e-6, "{worth} of {expected} in {low:?} to {high:?}");
+            // The same as an outline.
+            let corner = |x: f64, y: f64| {
+                let v = [x / 16.0 - 1.0, y / 16.0 - 1.0, 1.0];
+                ShadowCorner { p: DVec3::ZERO, v, size: 1.0, edge: 0 }
+            };
+            let outline = [
+                corner(from[0], from[1]),
+                corner(to[0], from[1]),
+                corner(to[0], to[1]),
+                corner(from[0], to[1]),
+            ];
+            for first in 0..4 {
+                let mut outline = outline;
+                outline.rotate_left(first);
+                let whole = f64::from(density.within(&outline));
+                assert!(
+                    (whole - expected).abs() < 1e-4 * expected,
+                    "{whole} of {expected}, from corner {first}"
+                );
+                let half = f64::from(density.within(&outline[..3]));
+                assert!((half - 0.5 * expected).abs() < 1e-4 * expected, "{half} of half of {expected}");
+            }
+            assert_eq!(density.within(&outline[..2]), 0.0, "of an edge");
+        }
+        assert_eq!(density.within(&[]), 0.0, "of nothing");
+    }
+
+    #[test]
+    fn objects_of_a_cell_are_spread_over_it() {
+        let density = density(&[[3, 5]; 16]);
+        for (at, expected) in [
+            ([3.0, 5.0], 0.0),
+            ([4.0, 6.0], 16.0),
+            ([3.5, 6.0], 8.0),
+            ([4.0, 5.25], 4.0),
+            ([3.5, 5.25], 2.0),
+            ([3.25, 32.0], 4.0),
+            ([32.0, 5.5], 8.0),
+            ([32.0, 32.0], 16.0),
+            ([0.0, 32.0], 0.0),
+        ] {
+            assert_eq!(density.below(at), expected, "objects below {at:?}");
+        }
+    }
+
+    #[test]
+    fn objects_outside_of_the_image_do_not_count() {
+        let projection = projection();
+        let mut density = ScreenDensity::default();
+        density.clear();
+        for (x, y, count) in [
+            (1.0, 1.0, 1.0),
+            (-1.0, -1.0, 2.0),
+            (1.001, 0.0, 2.0),
+            (-1.001, 0.0, 2.0),
+            (0.0, 1.001, 2.0),
+            (0.0, -1.001, 2.0),
+            (f64::NAN, 0.0, 2.0),
+            (1.0, -1.0, 3.0),
+        ] {
+            density.add(&projection, DVec3::new(x, y, -5.0));
+            assert_eq!(density.all, count, "objects after {x}, {y}");
+        }
+        density.finish();
+        let (last, all) = (CELLS as f64, [CELLS as f64; 2]);
+        for (low, high, count) in [
+            ([0.0; 2], all, 3.0),
+            ([0.0; 2], [1.0; 2], 1.0),
+            ([last - 1.0; 2], all, 1.0),
+            ([last - 1.0, 0.0], [last, 1.0], 1.0),
+            ([0.0, last - 1.0], [1.0, last], 0.0),
+        ] {
+            let area = (high[0] - low[0]) * (high[1] - low[1]);
+            let worth = density.rectangle(low, high).0 - area * 1.75 / 1024.0;
+            assert!((worth - count).abs() < 1e-6, "{worth} of {count} objects from {low:?} to {high:?}");
+        }
+        // An eye at the origin, and objects before and behind it.
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y);
+        let view = View::perspective_off_center(pose, Window::centered(1.0, 1.0), 0.1, 99.0).unwrap();
+        let projection = ClipProjection::new(&view, DVec3::ZERO);
+        density.clear();
+        for (z, count) in [(-5.0, 1.0), (5.0, 1.0), (0.0, 1.0)] {
+            density.add(&projection, DVec3::Z * z);
+            assert_eq!(density.all, count, "objects after one at {z}");
+        }
+    }
+
+    #[test]
+    fn worth_is_estimated_by_the_square_around_a_sphere() {
+        let density = density(&[[16, 16]; 64]);
+        let projection = projection();
+        let estimate =
+            |x, radius, area| density.estimate(&projection, DVec3::new(x, 0.0, -5.0), radius, area);
+        // The square is 8 cells wide, around the middle of the image: it has a quarter and more of all cells,
+        // and all objects.
+        let worth = 64.0 + 64.0 * 17.0 / 1024.0;
+        for (area, share) in [(0.25, 1.0), (0.125, 0.5), (9.0, 1.0), (0.0, 0.0)] {
+            let found = estimate(0.0, 0.25, area).unwrap();
+            assert!((found - worth * share).abs() < 1e-3, "{found} of {worth} times {share}");
+        }
+        let beside = estimate(-0.5, 0.25, 1.0).unwrap();
+        assert!((beside - 64.0 * 17.0 / 1024.0).abs() < 1e-3, "{beside} beside all objects");
+        assert!(
+            estimate(0.0, 0.99, 1.0).is_some() && estimate(0.0, 1.01, 1.0).is_none(),
+            "half of the image"
+        );
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y);
+        for (wide, high) in [(1.0, 4.0), (4.0, 1.0)] {
+            let view = View::perspective_off_center(pose, Window::centered(wide, high), 0.1, 99.0).unwrap();
+            let projection = ClipProjection::new(&view, DVec3::ZERO);
+            let estimate = |z, radius| density.estimate(&projection, DVec3::Z * z, radius, 1.0);
+            assert!(estimate(-2.0, 1.99).is_some() && estimate(-2.0, 2.01).is_none(), "the narrower axis");
+            assert!(estimate(2.0, 0.1).is_none() && estimate(0.0, 0.1).is_none(), "behind the eye");
+        }
+    }
+}

@@ -218,3 +218,108 @@ impl Bake<'_> {
         set
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Object, occlusion::Preparation};
+
+    /// Inserts a square across the x axis, an occluder whose front is seen from the origin.
+    fn insert_square(scene: &mut Scene, x: f32, half: f32) {
+        let corner = |y: f32, z: f32| Vec3::new(x, y * half, z * half);
+        let [a, b, c, d] = [corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)];
+        let bounds = Aabb::from_points([a, b, c, d]);
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        scene.set_triangles(id, [[a, b, c], [a, c, d]]).unwrap();
+    }
+
+    /// Centres of objects, beside the shadow of a square 4 m away with sides of 2 m, and in it.
+    #[test]
+    fn a_polygon_hides_the_centres_in_its_shadow() {
+        for two_sided in [false, true] {
+            let mut scene = Scene::new();
+            insert_square(&mut scene, 4.0, 1.0);
+            scene.prepare_occluders(&Preparation::default().with_two_sided(two_sided));
+            let occluders = Occluders::new(&scene);
+            assert_eq!(occluders.len(), 1, "a polygon of two triangles");
+            let points: [([f64; 3], bool); 9] = [
+                ([8.0, 0.0, 0.0], true),
+                ([8.0, 1.9, -1.9], true),
+                ([8.0, 2.1, 0.0], false),
+                ([8.0, -2.1, 0.0], false),
+                ([8.0, 0.0, 2.1], false),
+                ([8.0, 0.0, -2.1], false),
+                ([4.1, 0.9, 0.9], true),
+                ([3.9, 0.0, 0.0], false),
+                ([-1.0, 0.0, 0.0], false),
+            ];
+            let objects = points.map(|(p, _)| DVec3::from_array(p)).to_vec();
+            let bake = Bake { occluders: &occluders, objects, selector: Selector::default(), most: 1 };
+            // From the front, in the plane, from behind, far to a side, and again from the front.
+            let eyes = [[0.0, 0.0, 0.0], [4.0, 0.0, 9.0], [12.0, 0.0, 0.0], [3.0, 90.0, 0.0], [0.0; 3]];
+            let set = bake.hidden_by(0, &eyes.map(DVec3::from_array));
+            let is_hidden = |sample: usize, object: usize| {
+                let bit = sample * OBJECTS + object;
+                set[bit / 64] >> (bit % 64) & 1 == 1
+            };
+            for (object, (point, is)) in points.iter().enumerate() {
+                let found = [0, 1, 2, 3, 4].map(|sample| is_hidden(sample, object));
+                // From behind, those before the square are hidden.
+                let from_behind = two_sided && point[0] < 4.0;
+                assert_eq!(found, [*is, false, from_behind, false, *is], "{point:?}, two-sided: {two_sided}");
+            }
+            let count: u32 = set.iter().map(|word| word.count_ones()).sum();
+            assert_eq!(count, 2 * 3 + 2 * u32::from(two_sided), "pairs of eyes and objects");
+        }
+    }
+
+    /// Squares along the x axis, each hiding what is between it and the next.
+    #[test]
+    fn regions_have_the_polygons_that_hide_most_from_there() {
+        let mut scene = Scene::new();
+        insert_square(&mut scene, 8.0, 6.0);
+        insert_square(&mut scene, 24.0, 6.0);
+        for x in [10.0f32, 11.0, 12.0, 26.0] {
+            scene.insert(Aabb::from_arrays([x, -0.5, -0.5], [x + 0.5, 0.5, 0.5]));
+        }
+        scene.insert(Aabb::from_arrays([0.0, -0.5, -0.5], [32.0, 0.5, 0.5]));
+        scene.prepare_occluders(&Preparation::default());
+        let occluders = Occluders::new(&scene);
+        let at = |polygon: u32| occluders.bounding_sphere(polygon).0.x;
+        for (regions, polygons) in [(0, 1), (1, 1), (2, 1), (4, 1), (7, 2), (64, 2)] {
+            let frusta = ShadowFrusta::new(&scene, occluders.clone(), regions, polygons);
+            assert_eq!(frusta.regions(), regions.max(1), "regions");
+            let chosen = |x: f64| -> Vec<f64> {
+                frusta.chosen_at(DVec3::new(x, 0.0, 0.0)).iter().map(|&polygon| at(polygon)).collect()
+            };
+            if regions < 2 {
+                // In the middle of the scene, and near its ends.
+                assert_eq!(chosen(1.0), chosen(31.0), "one region");
+                continue;
+            }
+            for x in [-99.0, 0.0, 1.0, 3.9] {
+                assert_eq!(chosen(x)[0], 8.0, "from {x}, {regions} regions");
+            }
+            for x in [16.0, 17.0, 19.9] {
+                assert_eq!(chosen(x)[0], 24.0, "from {x}, {regions} regions");
+            }
+        }
+        // The whole of the second half hides nothing, and has a polygon all the same.
+        let two = ShadowFrusta::new(&scene, occluders.clone(), 2, 3);
+        assert!(!two.chosen_at(DVec3::X * 31.0).is_empty(), "polygons of the second half");
+        assert_eq!(two.chosen_at(DVec3::X * 16.0), two.chosen_at(DVec3::X * 99.0), "from the middle on");
+        assert_ne!(two.chosen_at(DVec3::X * 15.9), two.chosen_at(DVec3::X * 16.0), "before the middle");
+    }
+
+    #[test]
+    fn a_scene_without_finite_bounds_has_one_region() {
+        let mut scene = Scene::new();
+        for number in 0..2 {
+            let frusta = ShadowFrusta::new(&scene, Occluders::new(&scene), 64, 16);
+            assert_eq!(frusta.regions(), 1, "{number} objects");
+            assert_eq!(frusta.chosen_at(DVec3::ZERO), &[] as &[u32], "{number} objects");
+            scene.insert(Aabb::from_arrays([f32::NEG_INFINITY; 3], [1.0; 3]));
+        }
+    }
+}

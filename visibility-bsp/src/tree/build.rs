@@ -142,8 +142,8 @@ impl BspTree {
     /// piece to `builder.sides`. Returns the node's index.
     fn divide_leaf(&mut self, builder: &mut Builder, task: Task) -> u32 {
         let set = &builder.pieces[task.begin..];
-        // An axis-aligned plane is used if it splits well: some pieces are wholly on each side, and the plane
-        // cuts less than half as many as are on either side.
+        // An axis-aligned plane is used if it splits well: it cuts less than half as many pieces as are on
+        // either side.
         let mut chosen = None;
         if let Some(plane) = splitter::box_plane(set) {
             let plane = SidePlane::new(plane, self.magnitude);
@@ -151,7 +151,7 @@ impl BspTree {
             let count = |side| builder.sides.iter().filter(|&&s| s == side).count();
             let (front, back, across) =
                 (count(PolygonSide::Front), count(PolygonSide::Back), count(PolygonSide::Across));
-            if front > 0 && back > 0 && across * 2 < front.min(back) {
+            if across * 2 < front.min(back) {
                 chosen = Some(plane);
             }
         }

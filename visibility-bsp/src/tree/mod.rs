@@ -15,6 +15,8 @@ mod node;
 mod splitter;
 mod store;
 mod subtree;
+#[cfg(test)]
+mod tests;
 mod traversal;
 mod update;
 

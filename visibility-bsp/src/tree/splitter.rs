@@ -27,29 +27,29 @@ fn sample(len: usize, most: usize) -> impl Iterator<Item = usize> + Clone {
 }
 
 /// Returns the best axis-aligned splitting plane along a side of a piece's bounding box. `None` if there are
-/// at most [`BOXES`] pieces, if every candidate leaves one side empty, or if the best candidate costs as much
-/// as leaving all sampled pieces on one side.
+/// at most [`BOXES`] pieces, or if the best candidate costs as much as leaving all sampled pieces on one
+/// side.
 pub(super) fn box_plane(set: &[Piece]) -> Option<Plane> {
     if set.len() <= BOXES {
         return None;
     }
     let mut best = (f32::INFINITY, 0, 0.0f32);
     for candidate in sample(set.len(), PLANES) {
-        let bounds = &set[candidate].bounds;
         for axis in 0..3 {
-            for at in [bounds.min[axis], bounds.max[axis]] {
+            let [low, high] = sides(&set[candidate], axis);
+            for at in [low, high] {
                 let (mut front, mut back, mut across) = (0u32, 0u32, 0u32);
                 for i in sample(set.len(), SAMPLE) {
-                    let (min, max) = (set[i].bounds.min[axis], set[i].bounds.max[axis]);
-                    // Boxes are rounded outwards by one step; a box that only touches the plane is not cut.
-                    let (is_front, is_back) =
-                        (min.next_up() >= at.next_down(), max.next_down() <= at.next_up());
+                    // A box that only touches the plane is not cut.
+                    let [low, high] = sides(&set[i], axis);
+                    let (is_front, is_back) = (low >= at, high <= at);
                     front += u32::from(is_front);
                     back += u32::from(is_back && !is_front);
                     across += u32::from(!is_front && !is_back);
                 }
+                // A plane with all pieces on one side costs as much as their number.
                 let cost = across as f32 * CUT + front.abs_diff(back) as f32;
-                if front > 0 && back > 0 && cost < best.0 {
+                if cost < best.0 {
                     best = (cost, axis, at);
                 }
             }
@@ -57,6 +57,13 @@ pub(super) fn box_plane(set: &[Piece]) -> Option<Plane> {
     }
     let (cost, axis, at) = best;
     (cost < set.len().min(SAMPLE) as f32).then(|| Plane::new(DVec3::AXES[axis], -f64::from(at)))
+}
+
+/// Returns the least and the greatest coordinate of a piece along an axis, rounded to the nearest `f32`: its
+/// bounds without the step by which they are rounded outwards. A plane at the step would cut a sliver from
+/// each piece that touches the piece.
+fn sides(piece: &Piece, axis: usize) -> [f32; 2] {
+    [piece.bounds.min[axis].next_up(), piece.bounds.max[axis].next_down()]
 }
 
 /// Returns the index in `set` of the piece whose own plane is the cheapest split among the sampled

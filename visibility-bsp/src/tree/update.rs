@@ -73,8 +73,8 @@ impl BspTree {
             if node.first != NONE || (!is_leaf(back) && !is_leaf(front)) {
                 return self.shrink(id);
             }
-            // The node is replaced by its child that is not a leaf, or by a leaf if both children are leaves.
-            let rest = if is_leaf(front) && !is_leaf(back) { back } else { front };
+            // One of the children is a leaf: the node is replaced by the other.
+            let rest = if is_leaf(front) { back } else { front };
             if !is_leaf(rest) {
                 self.nodes[rest as usize].parent = parent;
             }

@@ -309,6 +309,13 @@ impl Beams {
         self.root == CLOSED
     }
 
+    /// Returns the margins of the lines that the tree begins with, and of the polygon that was added last.
+    #[cfg(test)]
+    pub(super) fn margins(&self) -> (Vec<f64>, Vec<f64>) {
+        let grid = self.nodes.iter().take(4 + 63).map(|node| node.line.margin);
+        (grid.collect(), self.lines.iter().flatten().map(|(line, _)| line.margin).collect())
+    }
+
     /// Tests the visibility of a convex polygon against the open leaves without changing the tree. Corners
     /// run counter-clockwise in NDC and may lie outside the image.
     pub(super) fn test(&mut self, polygon: &[ImageCorner]) -> Visibility {
