@@ -381,10 +381,10 @@ fn nodes_contain_their_discs() {
     // All numbers are multiples of 2^-30.
     let exact = |x: f64| (x * 2f64.powi(40)) as i128;
     for round in 0..4_000 {
-        // Discs that `f32` holds exactly, and others.
-        let bits = [23, 50][round % 2];
+        // Discs that `f32` holds exactly, and others; near the eye, and so far that differences round.
+        let (bits, far) = ([23, 50][round % 2], [1.0, 2f64.powi(43)][round / 2 % 2]);
         let mut number = |bits| random.magnitude(bits) as f64 / f64::from(1 << 30);
-        let disc = Disc { center: [number(bits), -number(bits)], radius: number(bits) };
+        let disc = Disc { center: [far * number(bits), -far * number(bits)], radius: far * number(bits) };
         let eye = [number(50), -number(50)];
         let around = node(disc).around(eye);
         for (axis, sign) in [(0, -1.0), (1, -1.0), (0, 1.0), (1, 1.0)] {

@@ -374,3 +374,213 @@ fn round(x: f64) -> f64 {
     const WHOLE: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
     (x + WHOLE) - WHOLE
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Vec3;
+    use visibility_testing::{Random, sign_of_sum};
+
+    /// Corner in whole numbers: `x`, `y`, `w`, `n` and the distance beyond the near plane.
+    type Whole = [i128; 5];
+
+    /// Returns the exact determinant of the `x`, `y` and `w` of three corners.
+    fn determinant(a: &Whole, b: &Whole, c: &Whole) -> i128 {
+        (0..3).map(|i| a[i] * (b[(i + 1) % 3] * c[(i + 2) % 3] - b[(i + 2) % 3] * c[(i + 1) % 3])).sum()
+    }
+
+    /// Returns a grid point as a corner.
+    fn point([x, y]: [i128; 2]) -> Whole {
+        [x, y, 1, 0, 0]
+    }
+
+    /// Returns a corner with each of its values moved up or down by its error, as the bits of `signs` say.
+    fn moved(corner: &Whole, error: &Whole, signs: u64) -> Whole {
+        core::array::from_fn(|i| corner[i] + if signs >> i & 1 == 0 { error[i] } else { -error[i] })
+    }
+
+    fn triangle() -> OccluderMesh {
+        OccluderMesh::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]).unwrap()
+    }
+
+    /// Returns corners with an error, and the sizes that they have with it. Errors may be nothing, which
+    /// leaves rounding alone.
+    fn projected(corners: &[Whole], error: &Whole) -> Projected {
+        let float = |values: &Whole| values.map(|x| x as f64);
+        let size = core::array::from_fn(|i| {
+            corners.iter().map(|corner| (corner[i].abs() + error[i]) as f64).fold(0.0, f64::max)
+        });
+        Projected { corners: corners.iter().map(float).collect(), error: float(error), size }
+    }
+
+    /// Whole numbers from minus to plus `2^bits`.
+    fn number(random: &mut Random, bits: u32) -> i128 {
+        i128::from((random.bits() >> (63 - bits)) as i64) - (1 << bits)
+    }
+
+    /// Returns errors of up to `2^bits` each, or none.
+    fn errors(random: &mut Random, bits: u32) -> Whole {
+        if bits == 0 { [0; 5] } else { [0; 5].map(|_| number(random, bits).abs()) }
+    }
+
+    /// Whatever the corners of an edge are within their errors, a point on the inner side of its line is on
+    /// the inner side of the edge. Points are on the exact edge or next to it. Compared in whole numbers.
+    #[test]
+    fn lines_are_on_the_inner_side_of_their_edges() {
+        let (mut random, mesh) = (Random(1), triangle());
+        let mut counts = [0; 2];
+        for trial in 0..20_000 {
+            let bits = [0, 1, 4, 12][trial % 4];
+            // With errors, corners are small, so that the errors matter more than rounding.
+            let scale = if bits == 0 { random.below(30) as u32 } else { bits + random.below(4) as u32 };
+            let step = [0; 2].map(|_| number(&mut random, 8));
+            let base = [0; 2].map(|_| (1 << 20) - (1 << 18) + number(&mut random, 17));
+            let along = |by: i128| [base[0] + by * step[0], base[1] + by * step[1]];
+            let mut places = [0; 3].map(|_| along(number(&mut random, 9)));
+            let beside = random.below(18) as u32;
+            if bits > 0 || random.one_in(2) {
+                places[2] = places[2].map(|x| x - number(&mut random, beside).abs());
+            }
+            let [a, b] = [places[0], places[1]].map(|[x, y]| {
+                let w = (1 << scale) + number(&mut random, scale).abs();
+                [x * w, y * w, w, 0, 0]
+            });
+            let (error, facing) = (errors(&mut random, bits), if random.one_in(2) { 1 } else { -1 });
+            let of = projected(&[a, b], &error);
+            let meshed = Meshed::new(&mesh, &of, facing as f64);
+            let line = meshed.line(&of.corners[0], &of.corners[1]);
+            let p = point(places[2]);
+            let is_inside = at(line, places[2].map(|x| x as f64)) > 0.0;
+            let least = (0..64)
+                .map(|signs| {
+                    facing * determinant(&moved(&a, &error, signs), &moved(&b, &error, signs >> 3), &p)
+                })
+                .min();
+            assert!(
+                !is_inside || least > Some(0),
+                "trial {trial}: {a:?} to {b:?} off by {error:?}, at {p:?}: {least:?}"
+            );
+            counts[usize::from(is_inside)] += 1;
+        }
+        assert!(counts.iter().all(|&count| count > 500), "points outside and inside: {counts:?}");
+    }
+
+    /// Returns three corners that are nearly in one line as the eye sees them.
+    fn flat(random: &mut Random, bits: u32, most: u32) -> [Whole; 3] {
+        let [a, b] = [0; 2].map(|_| [0; 5].map(|_| number(random, most)));
+        let [i, j] = [0; 2].map(|_| number(random, 3));
+        let near = bits + 2 + random.below(6) as u32;
+        let off = core::array::from_fn::<_, 5, _>(|_| if bits == 0 { 0 } else { number(random, near) });
+        [a, b, core::array::from_fn(|k| i * a[k] + j * b[k] + off[k])]
+    }
+
+    /// A triangle that is drawn faces the eye wherever its corners are within their errors.
+    #[test]
+    fn triangles_that_are_drawn_face_the_eye() {
+        let (mut random, mesh) = (Random(2), triangle());
+        let mut counts = [0; 2];
+        for trial in 0..20_000 {
+            let bits = [0, 1, 4, 10][trial % 4];
+            let most = if bits == 0 { 34 } else { bits + 3 };
+            let mut corners = flat(&mut random, bits, most);
+            let error = errors(&mut random, bits);
+            corners.iter_mut().for_each(|corner| corner[4] = 1 << 40);
+            let facing = if random.one_in(2) { 1 } else { -1 };
+            let of = projected(&corners, &error);
+            let is_drawn = Meshed::new(&mesh, &of, facing as f64).is_drawn([0, 1, 2]);
+            for signs in (0..if bits == 0 { 1 } else { 60 }).map(|_| random.bits()) {
+                let [a, b, c] = core::array::from_fn(|k| moved(&corners[k], &error, signs >> (3 * k)));
+                let exact = facing * determinant(&a, &b, &c);
+                assert!(!is_drawn || exact > 0, "trial {trial}: {corners:?} off by {error:?}: {exact}");
+            }
+            counts[usize::from(is_drawn)] += 1;
+        }
+        assert!(counts.iter().all(|&count| count > 500), "triangles left out and drawn: {counts:?}");
+    }
+
+    /// Returns numbers of 26 bits whose sum is a whole number.
+    fn split(whole: i128) -> impl Iterator<Item = f64> {
+        let sign = if whole < 0 { -1.0 } else { 1.0 };
+        (0..5).map(move |k| {
+            let part = (whole.unsigned_abs() >> (26 * k)) as u64 & ((1 << 26) - 1);
+            sign * part as f64 * (1u64 << (13 * k)) as f64 * (1u64 << (13 * k)) as f64
+        })
+    }
+
+    /// The depth plane of a triangle is nowhere nearer than the triangle's own plane, wherever its corners are
+    /// within their errors.
+    #[test]
+    fn depth_planes_are_behind_their_triangles() {
+        let (mut random, mesh) = (Random(3), triangle());
+        let mut counts = [0; 2];
+        for trial in 0..6_000 {
+            let bits = [0, 1, 2][trial % 3];
+            let places = [0; 3].map(|_| [0; 2].map(|_| (1 << 19) + number(&mut random, 18)));
+            let corners = places.map(|[x, y]| {
+                let w = 1 + number(&mut random, 8).abs();
+                [x * w, y * w, w, number(&mut random, 8), 1]
+            });
+            let error = errors(&mut random, bits).map(|error| error.min(1 << 1));
+            let error = [error[0], error[1], error[2].min(i128::from(bits > 1)), error[3], 0];
+            let of = projected(&corners, &error);
+            let plane = Meshed::new(&mesh, &of, 1.0).depth_plane([0, 1, 2]);
+            counts[usize::from(plane.is_some())] += 1;
+            let Some([x, y, c]) = plane else { continue };
+            for turn in 0..8 {
+                let p = [0; 2].map(|_| 1 + number(&mut random, 20).abs().min((1 << 20) - 1));
+                let signs = random.bits();
+                let [a, b, c3] = core::array::from_fn(|k| moved(&corners[k], &error, signs >> (4 * k)));
+                let all = determinant(&a, &b, &c3);
+                let at = point(p);
+                let key = a[3] * determinant(&at, &b, &c3)
+                    + b[3] * determinant(&a, &at, &c3)
+                    + c3[3] * determinant(&a, &b, &at);
+                // The plane's value times the determinant, less the numerator of the key.
+                let (all, key) = if all < 0 { (-all, -key) } else { (all, key) };
+                let [px, py] = p.map(|x| x as f64);
+                let products = split(all)
+                    .flat_map(|part| [(x, part * px), (y, part * py), (c, part)])
+                    .chain(split(-key).map(|part| (1.0, part)));
+                assert!(
+                    sign_of_sum(products) <= 0,
+                    "trial {trial}, {turn}: {corners:?} off by {error:?}, at {p:?}"
+                );
+            }
+        }
+        assert!(counts[1] > 3_000, "triangles without and with a plane: {counts:?}");
+    }
+
+    /// Where an edge is cut, and at its ends that are drawn, it is beyond the near plane.
+    #[test]
+    fn cuts_are_beyond_the_near_plane() {
+        let (mut random, mesh) = (Random(4), triangle());
+        let mut cuts = 0;
+        for trial in 0..20_000 {
+            let bits = [0, 4][trial % 2];
+            let error = errors(&mut random, bits);
+            let [a, b] = [0; 2].map(|_| {
+                let most = 1 + random.below(if bits == 0 { 50 } else { 8 }) as u32;
+                [0, 0, 1, 0, number(&mut random, most)]
+            });
+            let of = projected(&[a, b], &error);
+            let meshed = Meshed::new(&mesh, &of, 1.0);
+            for (vertex, corner) in [(0, a), (1, b)] {
+                let is_beyond = meshed.is_beyond(vertex);
+                assert!(!is_beyond || corner[4] > error[4], "trial {trial}: {corner:?} off by {error:?}");
+            }
+            if meshed.is_beyond(0) == meshed.is_beyond(1) {
+                continue;
+            }
+            assert_eq!(meshed.cut(0, 1), meshed.cut(1, 0), "trial {trial}: the cut from either end");
+            // Both ends are an error nearer than computed.
+            let (a, b) = if meshed.is_beyond(1) { (a, b) } else { (b, a) };
+            let [near_a, near_b] = [a, b].map(|corner| corner[4] as f64);
+            let share = (meshed.limit - near_a) / (near_b - near_a);
+            let (rest, off) = (1.0 - share, error[4] as f64);
+            let products = [(rest, near_a), (rest, -off), (share, near_b), (share, -off)];
+            assert!(sign_of_sum(products) > 0, "trial {trial}: {a:?} to {b:?} off by {error:?}");
+            cuts += 1;
+        }
+        assert!(cuts > 2_000, "{cuts} edges are cut");
+    }
+}
