@@ -469,8 +469,14 @@ mod tests {
             [[9.5, 8.5, -0.5], [10.5, 9.5, 0.5]],
         ]
         .map(|[min, max]| Viewcell::from_box(DVec3::from(min), DVec3::from(max)));
-        let scenes = [[4.0, 2.0, 2.0], [4.0, 4.0, -9.0]]
-            .map(|[x, y, z]| scene_of([cube([x, y, z], 1.0), cube([x + 1.0, y, z], 1.0)]));
+        // Triangles that face no viewcell, so that there is room for pieces that are kept.
+        let corner = |i: usize| Vec3::new(i as f32, (i * i) as f32, -99.0);
+        let below: Vec<_> = (1..200).map(|i| [corner(0), corner(i + 1), corner(i)]).collect();
+        // The second scene has the facings of the first one, at other places.
+        let scenes = [[4.0, 2.0, 2.0], [4.0, 2.25, 2.5], [4.0, 4.0, -9.0]].map(|[x, y, z]| {
+            let below = OccluderMesh::from_triangles(&below).unwrap();
+            scene_of([cube([x, y, z], 1.0), cube([x + 1.0, y, z], 1.0), below])
+        });
         let surfaces = scenes.each_ref().map(Surfaces::new);
         let efforts = [Effort::FULL, Effort { max_triangles: 3, ..Effort::FULL }];
         let (mut random, mut kept, mut found) = (Random(1), Pieces::default(), 0);
@@ -478,7 +484,7 @@ mod tests {
             // Mostly one of the three changes, or none.
             let mut at = [0; 3];
             at[random.below(3)] = random.below(5);
-            let (scene, effort, viewcell) = (at[0] % 2, &efforts[at[1] % 2], &cells[at[2]]);
+            let (scene, effort, viewcell) = (at[0] % 3, &efforts[at[1] % 2], &cells[at[2]]);
             let world = (&scenes[scene], &surfaces[scene]);
             let fresh = pieces_of(&mut Pieces::default(), world, effort, viewcell);
             assert_eq!(pieces_of(&mut kept, world, effort, viewcell), fresh, "step {step}: {at:?}");
@@ -541,14 +547,21 @@ mod tests {
     /// The cluster in which an object was listed at first has no pieces any more.
     #[test]
     fn objects_that_are_listed_again_occlude_by_their_present_surfaces() {
-        let scene = scene_of([cube([4.0, 2.0, 2.0], 1.0)]);
+        let mut scene = scene_of([cube([4.0, 2.0, 2.0], 1.0)]);
         let mut surfaces = Surfaces::default();
         surfaces.list(&scene, 0);
         surfaces.list(&scene, 0);
         let viewcell = Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5));
-        let pieces = pieces_of(&mut Pieces::default(), (&scene, &surfaces), &Effort::QUICK, &viewcell);
-        let all: Vec<u32> = pieces.iter().flat_map(|piece| piece.0.iter().copied()).collect();
+        let find = |scene: &Scene| {
+            let pieces = pieces_of(&mut Pieces::default(), (scene, &surfaces), &Effort::QUICK, &viewcell);
+            pieces.into_iter().flat_map(|piece| piece.0).collect::<Vec<u32>>()
+        };
+        let all = find(&scene);
         assert!(all.len() == 12 && all.iter().all(|&t| t >= 12), "triangles of pieces: {all:?}");
+        // An object that may not be drawn does not occlude, although it is listed.
+        let id = scene.ids().next().unwrap();
+        scene.set_occluder(id, false).unwrap();
+        assert_eq!(find(&scene), [], "triangles of an object that is no occluder any more");
     }
 
     /// Walks past cubes. One of them occludes in every other viewcell only.
