@@ -780,7 +780,7 @@ mod tests {
         let region = ViewRegion::around(&view(), Reach::new(0.5, 0.0)).unwrap();
         for mesh in [solid, wall] {
             let mut counts = [0; 2];
-            for (count, radius) in counts.iter_mut().zip([None, Some(region.clone())]) {
+            for (count, radius) in counts.iter_mut().zip([None, Some(region)]) {
                 let mut hzb = Hzb::new(128, 64).unwrap();
                 match &radius {
                     Some(region) => assert!(

@@ -341,6 +341,21 @@ mod tests {
         ProjectedBox { corners, low, high, keys: [key; 8], nearest: key }
     }
 
+    /// A search visits all triangles that it finds, in whatever order it finds them, and each once.
+    #[test]
+    fn a_search_visits_all_that_it_finds() {
+        let mut search = Search::new();
+        let mut visited = Vec::new();
+        for found in [&[300, 5][..], &[70, 300, 6], &[0, 8191, 5], &[]] {
+            assert!(found.iter().all(|&t| search.push(t)), "{found:?} are within the limit");
+            visited.extend(search.pop());
+        }
+        visited.extend(core::iter::from_fn(|| search.pop()));
+        visited.sort_unstable();
+        assert_eq!(visited, [0, 5, 6, 70, 300, 8191], "triangles visited");
+        assert!(!search.push(MAX_TRIANGLES as u32), "a triangle beyond the limit");
+    }
+
     #[test]
     fn triangles_meet_rectangles_that_they_touch() {
         let region = Region { low: [10.0, 20.0], high: [30.0, 40.0], hull: &[] };

@@ -377,8 +377,10 @@ fn round(x: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::screen::{GRID, Screen};
     use super::*;
-    use visibility_core::glam::Vec3;
+    use visibility_core::glam::{Affine3A, DVec3, Vec3};
+    use visibility_core::{Aabb, Pose, View};
     use visibility_testing::{Random, sign_of_sum};
 
     /// Corner in whole numbers: `x`, `y`, `w`, `n` and the distance beyond the near plane.
@@ -468,8 +470,8 @@ mod tests {
     /// Returns three corners that are nearly in one line as the eye sees them.
     fn flat(random: &mut Random, bits: u32, most: u32) -> [Whole; 3] {
         let [a, b] = [0; 2].map(|_| [0; 5].map(|_| number(random, most)));
-        let [i, j] = [0; 2].map(|_| number(random, 3));
-        let near = bits + 2 + random.below(6) as u32;
+        let [i, j] = [0; 2].map(|_| number(random, 1));
+        let near = bits + 2 + random.below(10) as u32;
         let off = core::array::from_fn::<_, 5, _>(|_| if bits == 0 { 0 } else { number(random, near) });
         [a, b, core::array::from_fn(|k| i * a[k] + j * b[k] + off[k])]
     }
@@ -481,7 +483,7 @@ mod tests {
         let mut counts = [0; 2];
         for trial in 0..20_000 {
             let bits = [0, 1, 4, 10][trial % 4];
-            let most = if bits == 0 { 34 } else { bits + 3 };
+            let most = if bits == 0 { 34 } else { bits + 8 };
             let mut corners = flat(&mut random, bits, most);
             let error = errors(&mut random, bits);
             corners.iter_mut().for_each(|corner| corner[4] = 1 << 40);
@@ -582,5 +584,137 @@ mod tests {
             cuts += 1;
         }
         assert!(cuts > 2_000, "{cuts} edges are cut");
+    }
+
+    /// A plane whose coefficients overflow is no plane.
+    #[test]
+    fn planes_that_overflow_are_left_out() {
+        let mesh = triangle();
+        for key in [1.0, 1e300] {
+            let corners = [[9.0, 1.0, 1.0, key], [1.0, 9.0, 1.0, -key], [1.0, 1.0, 1.0, key]];
+            let corners = corners.map(|[x, y, w, n]| [x * 1e10, y * 1e10, w, n, 1.0]);
+            let of =
+                Projected { corners: corners.to_vec(), error: [0.0; 5], size: [9e10, 9e10, 1.0, key, 1.0] };
+            let plane = Meshed::new(&mesh, &of, 1.0).depth_plane([0, 1, 2]);
+            assert_eq!(plane.is_some(), key == 1.0, "keys of {key}: {plane:?}");
+        }
+    }
+
+    /// The floor of a shape is no more than the least depth key of a corner, wherever corners are within
+    /// their errors, and nothing where a corner's `w` is uncertain. A corner behind the eye does not count.
+    #[test]
+    fn floors_are_below_the_keys_of_all_corners() {
+        let (mut random, mesh) = (Random(5), triangle());
+        let mut counts = [0; 2];
+        for trial in 0..4_000 {
+            let [of_n, of_w] = [0; 2].map(|_| number(&mut random, 4).abs() * i128::from(trial % 2 != 0));
+            let mut corners = [[1, 1], [900, 1], [1, 900]].map(|[x, y]| {
+                let w = 1025 * of_w + 1 + number(&mut random, 6).abs();
+                [1000 * x * w, 1000 * y * w, w, number(&mut random, 30), 1 << 40]
+            });
+            let is_known = trial % 3 != 0;
+            if !is_known {
+                let w = 1 + number(&mut random, 20).abs() % (1024 * of_w).max(1);
+                corners[0] = [1000 * w, 1000 * w, w, corners[0][3], 1 << 40];
+            }
+            let error = [0, 0, of_w, of_n, 0];
+            let mut of = projected(&corners, &error);
+            // The bounds on determinants, which have another test, are not to decide.
+            of.size[3] = 1e300;
+            let mut shapes = Shapes::default();
+            shapes.add(&mesh, &of, 1.0);
+            shapes.add(&mesh, &of, -1.0);
+            for shape in &shapes.list {
+                counts[usize::from(shape.floor > f64::NEG_INFINITY)] += 1;
+                for corner in &corners {
+                    let (n, w) = ((corner[3] - of_n) as f64, [corner[2] - of_w, corner[2] + of_w]);
+                    for w in w.map(|w| w as f64) {
+                        let is_below = shape.floor == f64::NEG_INFINITY
+                            || w > 0.0 && sign_of_sum([(shape.floor, w), (-n, 1.0)]) <= 0;
+                        assert!(is_below, "trial {trial}: {} and {n} / {w}", shape.floor);
+                    }
+                }
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 300), "floors without and with a bound: {counts:?}");
+    }
+
+    /// Points that a shape covers are behind a triangle of the mesh that faces the eye, beyond the near
+    /// plane, and no deeper than the shape says; also where the near plane cuts the mesh, or the mesh is
+    /// concave or open. A solid before the eye has one shape, which covers nearly all of its outline.
+    #[test]
+    fn shapes_cover_what_their_triangles_cover() {
+        let mut random = Random(6);
+        let (mut covered, mut bare, mut projected) = (0, 0, Projected::default());
+        for trial in 0..600 {
+            let reach = [2.0, 9.0][trial % 2];
+            let mut corner = || (random.vector(reach) + DVec3::X * 4.0).as_vec3();
+            let is_solid = trial % 3 == 0;
+            let mesh = if is_solid {
+                let low = corner();
+                OccluderMesh::cuboid(&Aabb::new(low, low + (corner() - low).abs() * 0.5))
+            } else {
+                let points = [0; 6].map(|_| corner());
+                OccluderMesh::from_indexed(&points, &[[0, 1, 2], [0, 2, 3], [0, 3, 4], [1, 5, 2], [4, 5, 0]])
+            };
+            let Ok(mesh) = mesh else { continue };
+            let mesh = mesh.with_two_sided(trial % 4 == 1);
+            let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+            let near = [0.1, 2.0][trial / 2 % 2];
+            let view = View::perspective(pose, 1.0, 1.0, near, f64::INFINITY).unwrap();
+            let screen = Screen::new(&view, DVec3::ZERO);
+            let facing = screen.facing(&Affine3A::IDENTITY).unwrap();
+            assert!(screen.project(mesh.positions(), &Affine3A::IDENTITY, &mut projected), "finite numbers");
+            let mut shapes = Shapes::default();
+            shapes.add(&mesh, &projected, facing);
+            let slope = 0.5f64.tan();
+            // Points of the grid near the middles of triangles, at their corners, and anywhere.
+            let places = mesh.positions().iter().map(|p| p.as_dvec3()).collect::<Vec<_>>();
+            for turn in 0..60 {
+                let [a, b, c] = mesh.triangles()[turn % mesh.triangles().len()].map(|i| places[i as usize]);
+                let [s, t] = [random.fine_range(-0.1, 1.1), random.fine_range(-0.1, 1.1)];
+                let p = a + (b - a) * s + (c - a) * t * (1.0 - s);
+                let at_p = [0.5 - 0.5 * p.y / p.x / slope, 0.5 - 0.5 * p.z / p.x / slope].map(|x| x * GRID);
+                if !(p.x > near && at_p.iter().all(|x| (0.0..GRID).contains(x))) {
+                    continue;
+                }
+                let ray = DVec3::new(1.0, p.y / p.x, p.z / p.x);
+                // Keys at which the line of sight meets triangles; `None` close to an edge.
+                let mut keys = Vec::new();
+                for &[i, j, k] in mesh.triangles() {
+                    let [a, b, c] = [i, j, k].map(|i| places[i as usize]);
+                    let normal = (b - a).cross(c - a);
+                    let x = normal.dot(a) / normal.dot(ray);
+                    let sides = [(a, b), (b, c), (c, a)].map(|(a, b)| {
+                        (b - a).cross(ray * x - a).dot(normal) / (normal.length() * (b - a).length())
+                    });
+                    let is_front = normal.dot(ray) < 0.0 || mesh.is_two_sided();
+                    if is_front && x > near * (1.0 - 1e-9) && sides.iter().all(|&side| side > -1e-4) {
+                        keys.push(1.0 / x);
+                    }
+                }
+                let nearest = keys.iter().copied().fold(0.0, f64::max);
+                let mut is_covered = false;
+                for shape in &shapes.list {
+                    if !shapes.lines[shape.lines.clone()].iter().all(|&line| at(line, at_p) > 0.0) {
+                        continue;
+                    }
+                    is_covered = true;
+                    let least = shapes.planes[shape.planes.clone()]
+                        .iter()
+                        .map(|&plane| at(plane, at_p))
+                        .fold(f64::INFINITY, f64::min);
+                    let key = least.max(shape.floor);
+                    assert!(
+                        key <= nearest * (1.0 + 1e-6),
+                        "trial {trial}, {turn}: {p} has a key of {key}, and {keys:?} of {mesh:?}"
+                    );
+                }
+                covered += usize::from(is_covered);
+                let is_clear = is_solid && mesh.bounds().min.x > near as f32 && (0.01..0.99).contains(&s);
+                bare += usize::from(!is_covered && is_clear && (0.01..0.99).contains(&t) && !keys.is_empty());
+            }
+        }
+        assert!(covered > 2_000 && bare == 0, "{covered} points covered, {bare} of solids bare");
     }
 }
