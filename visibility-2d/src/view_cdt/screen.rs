@@ -287,8 +287,8 @@ mod tests {
         assert!(!Screen::BLIND.project(&points, &Affine3A::IDENTITY, &mut projected), "errors are infinite");
     }
 
-    /// Rows of a screen on which `x`, `y` and `z` of a point are its `x`, `y` and `w`, and its key is constant
-    /// over `w`, each off by an error.
+    /// Returns a screen on which `x`, `y` and `z` of a point are its `x`, `y` and `w`, and its key is a
+    /// constant over `w`, each off by an error.
     fn plain(errors: [i128; 5], near: i128) -> Screen {
         let rows = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0; 3], [0, 0, 1]];
         let constants = [0, 0, 0, 4096, -near];

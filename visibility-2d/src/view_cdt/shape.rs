@@ -509,8 +509,8 @@ mod tests {
         })
     }
 
-    /// The depth plane of a triangle is nowhere nearer than the triangle's own plane, wherever its corners are
-    /// within their errors.
+    /// The depth plane of a triangle is nowhere nearer than the triangle's own plane, wherever its corners
+    /// are within their errors.
     #[test]
     fn depth_planes_are_behind_their_triangles() {
         let (mut random, mesh) = (Random(3), triangle());
