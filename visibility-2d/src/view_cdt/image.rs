@@ -299,8 +299,11 @@ mod tests {
     use super::*;
     use alloc::vec;
 
-    /// Returns a shape that covers the inner side of lines, with depth planes, and with its outline.
-    fn shapes(list: &[(&[[f64; 3]], &[[f64; 3]], &[[f64; 2]], f64)]) -> Shapes {
+    /// Lines of a shape, its depth planes, its outline and its floor.
+    type Parts<'a> = (&'a [[f64; 3]], &'a [[f64; 3]], &'a [[f64; 2]], f64);
+
+    /// Returns shapes that cover the inner sides of their lines.
+    fn shapes(list: &[Parts<'_>]) -> Shapes {
         let mut shapes = Shapes::default();
         for &(lines, planes, outline, floor) in list {
             let starts = [shapes.lines.len(), shapes.planes.len(), shapes.outlines.len()];

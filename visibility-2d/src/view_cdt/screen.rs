@@ -329,8 +329,8 @@ mod tests {
                     let off =
                         |k: usize| errors[k] as f64 * if signs >> (k % 3) & 1 == 0 { 1.0 } else { -1.0 };
                     let w = p[2] + off(2);
-                    for k in 0..2 {
-                        let a = p[k] + off(k);
+                    for (k, x) in p.into_iter().enumerate().take(2) {
+                        let a = x + off(k);
                         let [low, high, corner] = [of.low[k], of.high[k], of.corners[at][k]];
                         assert!(
                             sign_of_sum([(a, 1.0), (-low, w)]) >= 0
