@@ -370,6 +370,39 @@ fn heights_that_cancel_with_the_curvature_hide_nothing() {
 }
 
 #[test]
+fn heights_that_cancel_with_the_curvature_far_away_hide_nothing() {
+    // Lowered heights are some roundings of what they are lowered by, and computed with such an error.
+    let mut random = Random(9);
+    let mut tight = 0;
+    for case in 0..1000 {
+        let curvature = (1_i64 << 52) + random.magnitude(51);
+        let row: Vec<f64> = (0..31)
+            .map(|column| match column {
+                0 => 0.0,
+                20 | 30 => {
+                    let lowered_by = (column * column) as f64 * curvature as f64;
+                    lowered_by + f64::from(random.between(-3, 3)) * (lowered_by.next_up() - lowered_by)
+                }
+                _ => f64::NAN,
+            })
+            .collect();
+        let heights = [row.clone(), row.clone()].concat();
+        let raster = HeightRaster::new(&heights, 2, 31, [1.0, 1.0]).expect("a raster");
+        let exact = |column: i128| row[column as usize] as i128 - column * column * i128::from(curvature);
+        if 2 * exact(30) < 3 * exact(20) {
+            continue;
+        }
+        tight += 1;
+        // Along the border, and where rows are as close together as numbers allow.
+        let mut visible = vec![false; heights.len()];
+        let observer = Observer::new(0.0, 0.0).with_curvature(curvature as f64);
+        Viewshed::new().look(&raster, &observer, &mut visible).expect("over the raster");
+        assert!(visible[30], "case {case}: {} behind {}", exact(30), exact(20));
+    }
+    assert!(tight > 300, "{tight} samples that are seen");
+}
+
+#[test]
 fn the_least_heights_hide_nothing_by_rounding() {
     // The line of sight to 5 units in column 3 passes 3 units in column 2 at 10 / 3 units.
     let row = [0, 0, 3, 5].map(f64::from_bits);
@@ -407,6 +440,12 @@ fn bad_input_is_refused_by_name() {
     let cell = HeightRaster::new(&heights, 2, 2, [1.0, 0.0]).map(|_| ());
     assert_eq!(cell, Err(ViewshedError::Cell { cell: [1.0, 0.0] }), "a cell without width");
     let raster = HeightRaster::new(&heights, 2, 2, [1.0, 1.0]).expect("a raster");
+    let heights_at = [[0, 0], [0, 1], [0, 2], [1, 0], [2, 0]].map(|[row, column]| raster.height(row, column));
+    assert_eq!(
+        heights_at,
+        [Some(0.0), None, None, Some(0.0), None],
+        "samples, a hole, and beyond the raster"
+    );
     let mut visible = [true; 4];
     let mut look = |observer: Observer, results: usize| {
         Viewshed::new().look(&raster, &observer, &mut visible[..results]).map_err(|error| error.to_string())
@@ -421,7 +460,9 @@ fn bad_input_is_refused_by_name() {
         (on_ground.with_height(-1.0), 4, "-1.0 is negative"),
         (on_ground.with_target_height(f64::INFINITY), 4, "inf is negative, or no number"),
         (on_ground.with_curvature(f64::NAN), 4, "curvature NaN"),
+        (on_ground.with_curvature(-2e60), 4, "curvature -2e60"),
         (on_ground.with_max_distance(f64::NAN), 4, "distance NaN"),
+        (on_ground.with_max_distance(-1.0), 4, "distance -1.0"),
     ];
     for (observer, results, message) in refusals {
         let refused = look(observer, results).expect_err(message);

@@ -691,3 +691,155 @@ impl OcclusionMap for Hzb {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Vec3;
+    use visibility_core::view::Reach;
+    use visibility_core::{Object, Pose};
+    use visibility_occluders::{LevelSettings, LevelTriangle};
+
+    fn view() -> View {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        View::perspective(pose, 1.0, 2.0, 0.1, f64::INFINITY).unwrap()
+    }
+
+    /// Returns the number of covered pixels of a buffer.
+    fn covered(hzb: &Hzb) -> usize {
+        let pixels = (0..hzb.height()).flat_map(|row| (0..hzb.width()).map(move |column| [column, row]));
+        pixels.filter(|&[column, row]| hzb.depth_key(column, row) > f32::NEG_INFINITY).count()
+    }
+
+    /// Returns a level of a wall that fills the picture, of an object on one layer of a scene.
+    fn level(layers: u32) -> Arc<LevelOccluders> {
+        let corners = [[-99.0, -99.0], [99.0, -99.0], [99.0, 99.0], [-99.0, 99.0]];
+        let [a, b, c, d] = corners.map(|[y, z]| Vec3::new(5.0, y, z));
+        let mut scene = Scene::new();
+        let bounds = Aabb::from_arrays([5.0, -99.0, -99.0], [5.0, 99.0, 99.0]);
+        let id = scene.insert(Object { occluder: true, layers, ..Object::new(bounds) });
+        scene.set_triangles(id, [[a, b, c], [a, c, d]]).unwrap();
+        Arc::new(LevelOccluders::of_scene(&scene, |_| true, LevelSettings::default()).unwrap())
+    }
+
+    #[test]
+    fn sides_beyond_the_limits_are_refused() {
+        for (side, is_allowed) in
+            [(MIN_SIDE - 1, false), (MIN_SIDE, true), (MAX_SIDE, true), (MAX_SIDE + 1, false)]
+        {
+            assert_eq!(Hzb::new(side, 64).is_ok(), is_allowed, "a width of {side}");
+            assert_eq!(Hzb::new(64, side).is_ok(), is_allowed, "a height of {side}");
+        }
+        for (pixels, area) in [(32.0, 32.0), (-1.0, 0.0), (f32::NAN, 0.0)] {
+            let hzb = Hzb::default().with_min_polygon_area(pixels);
+            assert_eq!(hzb.min_polygon_area, area, "an area of {pixels}");
+        }
+    }
+
+    /// Tiles reach beyond the right and the lower side of a picture whose sides are no multiples of eight.
+    #[test]
+    fn pixels_beyond_the_picture_are_not_covered() {
+        let mut hzb = Hzb::new(60, 28).unwrap();
+        hzb.begin(&view(), DVec3::ZERO);
+        let wall = Aabb::from_arrays([5.0, -99.0, -99.0], [6.0, 99.0, 99.0]);
+        hzb.add(&OccluderMesh::cuboid(&wall).unwrap(), &Affine3A::IDENTITY);
+        hzb.flush();
+        for (column, row, is_covered) in
+            [(0, 0, true), (59, 27, true), (60, 5, false), (61, 5, false), (5, 28, false), (5, 29, false)]
+        {
+            let key = hzb.depth_key(column, row);
+            assert_eq!(key > f32::NEG_INFINITY, is_covered, "the pixel at {column}, {row}");
+        }
+    }
+
+    /// What is nearer than the last occluder that is drawn may be behind an earlier one.
+    #[test]
+    fn boxes_behind_a_near_wall_are_hidden_after_a_far_wall_is_drawn() {
+        let mut hzb = Hzb::new(64, 32).unwrap();
+        hzb.begin(&view(), DVec3::ZERO);
+        for (x, y) in [(5.0, 0.5), (50.0, -99.0)] {
+            let wall = Aabb::from_arrays([x, y, -99.0], [x + 1.0, y + 98.0, 99.0]);
+            hzb.add(&OccluderMesh::cuboid(&wall).unwrap(), &Affine3A::IDENTITY);
+            hzb.flush();
+        }
+        let behind = |x: f32, y: f32| hzb.test(&Aabb::from_arrays([x, y, -1.0], [x + 1.0, y + 1.0, 1.0]));
+        assert_eq!(behind(10.0, 3.0), Occlusion::Hidden, "behind the near wall, before the far one");
+        assert_eq!(behind(80.0, -30.0), Occlusion::Hidden, "behind the far wall");
+        assert_ne!(behind(10.0, -3.0), Occlusion::Hidden, "beside the near wall, before the far one");
+    }
+
+    /// From a ball of eyes, convex solids and boxes cover less than from one eye: their outlines move.
+    #[test]
+    fn solids_cover_less_for_a_region() {
+        let corners =
+            [[5.0, -2.0, -1.0], [5.0, 2.0, -1.0], [5.0, 0.0, 2.0], [7.0, 0.0, 0.0]].map(Vec3::from_array);
+        let faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+        let solid = OccluderMesh::from_indexed(&corners, &faces).unwrap();
+        assert!(solid.is_convex() && !solid.is_cuboid(), "a tetrahedron");
+        let wall = OccluderMesh::cuboid(&Aabb::from_arrays([5.0, -2.0, -1.0], [6.0, 2.0, 1.0])).unwrap();
+        let region = ViewRegion::around(&view(), Reach::new(0.5, 0.0)).unwrap();
+        for mesh in [solid, wall] {
+            let mut counts = [0; 2];
+            for (count, radius) in counts.iter_mut().zip([None, Some(region)]) {
+                let mut hzb = Hzb::new(128, 64).unwrap();
+                match &radius {
+                    Some(region) => assert!(
+                        hzb.begin_region(region, DVec3::ZERO, 1.0, None).is_some(),
+                        "a conservative buffer without a level draws for a region"
+                    ),
+                    None => hzb.begin(region.picture(), DVec3::ZERO),
+                }
+                hzb.add(&mesh, &Affine3A::IDENTITY);
+                hzb.flush();
+                *count = covered(&hzb);
+            }
+            assert!(counts[1] > 20 && counts[1] * 5 < counts[0] * 4, "{counts:?} pixels");
+        }
+    }
+
+    /// Buffers whose answers do not hold for a region draw for none.
+    #[test]
+    fn sampled_buffers_and_those_with_a_level_draw_for_no_region() {
+        let region = ViewRegion::around(&view(), Reach::new(0.5, 0.1)).unwrap();
+        let sampled = Hzb::default().with_coverage(Coverage::Sampled);
+        let with_level = Hzb::default().with_level(level(u32::MAX), DVec3::ZERO);
+        for (what, mut hzb) in [("sampled", sampled), ("with a level", with_level)] {
+            assert_eq!(hzb.begin_region(&region, DVec3::ZERO, 1.0, None), None, "{what}");
+        }
+    }
+
+    /// A level is drawn only in views that show its objects.
+    #[test]
+    fn levels_are_drawn_on_their_layers() {
+        for (layers, is_drawn) in [(0b01, true), (0b11, true), (0b10, false)] {
+            let mut hzb = Hzb::new(64, 32).unwrap().with_level(level(0b01), DVec3::ZERO);
+            hzb.begin(&view().with_layers(layers), DVec3::ZERO);
+            hzb.flush();
+            assert_eq!(covered(&hzb), if is_drawn { 64 * 32 } else { 0 }, "a view of layers {layers:b}");
+        }
+    }
+
+    #[test]
+    fn a_scene_without_seams_reports_none() {
+        let mut scene = Scene::new();
+        let bounds = Aabb::from_arrays([5.0; 3], [6.0; 3]);
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        let mut lacks = Vec::new();
+        Hzb::default().for_each_lack(&scene, &mut |lack| lacks.push(lack));
+        assert!(lacks.is_empty(), "{lacks:?}");
+    }
+
+    /// The triangles of a level need no scene.
+    #[test]
+    fn levels_out_of_view_cover_nothing() {
+        let corners = [Vec3::new(-5.0, -9.0, 9.0), Vec3::new(-5.0, 9.0, 9.0), Vec3::new(-5.0, 0.0, -9.0)];
+        let behind = [LevelTriangle { corners, two_sided: true }];
+        let behind = Arc::new(LevelOccluders::new(&behind, LevelSettings::default()).unwrap());
+        let mut hzb = Hzb::new(64, 32).unwrap().with_level(behind, DVec3::ZERO);
+        hzb.begin(&view(), DVec3::ZERO);
+        hzb.flush();
+        assert_eq!(covered(&hzb), 0, "a wall behind the eye");
+    }
+}

@@ -381,10 +381,10 @@ fn nodes_contain_their_discs() {
     // All numbers are multiples of 2^-30.
     let exact = |x: f64| (x * 2f64.powi(40)) as i128;
     for round in 0..4_000 {
-        // Discs that `f32` holds exactly, and others.
-        let bits = [23, 50][round % 2];
+        // Discs that `f32` holds exactly, and others; near the eye, and so far that differences round.
+        let (bits, far) = ([23, 50][round % 2], [1.0, 2f64.powi(43)][round / 2 % 2]);
         let mut number = |bits| random.magnitude(bits) as f64 / f64::from(1 << 30);
-        let disc = Disc { center: [number(bits), -number(bits)], radius: number(bits) };
+        let disc = Disc { center: [far * number(bits), -far * number(bits)], radius: far * number(bits) };
         let eye = [number(50), -number(50)];
         let around = node(disc).around(eye);
         for (axis, sign) in [(0, -1.0), (1, -1.0), (0, 1.0), (1, 1.0)] {
@@ -521,4 +521,31 @@ fn zones_of_discs_of_many_sizes_are_those_from_scratch() {
         }
     }
     assert!(quiet * 20 > moves, "{quiet} of {moves} moves end nothing");
+}
+
+/// The least power of a point with respect to a node is no more than that of any of its discs, and not
+/// nothing away from them. Compared in whole numbers.
+#[test]
+fn least_powers_are_bounds() {
+    let mut random = Random(25);
+    for round in 0..2_000 {
+        let mut number = || random.between(-1000, 1000);
+        let discs = [0; 3].map(|_| [number(), number(), number().abs()]);
+        let disc =
+            |[x, y, radius]: [i32; 3]| Disc { center: [x, y].map(f64::from), radius: f64::from(radius) };
+        let node = Discs::new(&discs.map(disc)).unwrap().levels[0][0];
+        let at = [number(), number()];
+        let least = node.least_power(at.map(f64::from));
+        let widest = discs.iter().map(|disc| disc[2]).max().unwrap();
+        for [x, y, radius] in discs {
+            let power = (x - at[0]).pow(2) + (y - at[1]).pow(2) - radius.pow(2);
+            assert!(least <= f64::from(power), "round {round}: {least} of {discs:?} at {at:?}");
+        }
+        let away = [0, 1].map(|axis| {
+            let ends = discs.map(|disc| disc[axis]);
+            (ends.iter().min().unwrap() - at[axis]).max(at[axis] - ends.iter().max().unwrap()).max(0)
+        });
+        let expected = away[0].pow(2) + away[1].pow(2) - widest.pow(2);
+        assert_eq!(least, f64::from(expected), "round {round}: {discs:?} at {at:?}");
+    }
 }

@@ -293,3 +293,211 @@ impl Image {
         core::array::from_fn(|k| self.triangulation.start(3 * t + k as u32))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec;
+
+    /// Lines of a shape, its depth planes, its outline and its floor.
+    type Parts<'a> = (&'a [[f64; 3]], &'a [[f64; 3]], &'a [[f64; 2]], f64);
+
+    /// Returns shapes that cover the inner sides of their lines.
+    fn shapes(list: &[Parts<'_>]) -> Shapes {
+        let mut shapes = Shapes::default();
+        for &(lines, planes, outline, floor) in list {
+            let starts = [shapes.lines.len(), shapes.planes.len(), shapes.outlines.len()];
+            shapes.lines.extend(lines);
+            shapes.planes.extend(planes);
+            shapes.outlines.extend(outline);
+            shapes.list.push(Shape {
+                lines: starts[0]..shapes.lines.len(),
+                planes: starts[1]..shapes.planes.len(),
+                outline: starts[2]..shapes.outlines.len(),
+                floor,
+            });
+        }
+        shapes
+    }
+
+    /// Returns the lines and the outline of a square of the image.
+    fn square(low: [f64; 2], high: [f64; 2]) -> (Vec<[f64; 3]>, Vec<[f64; 2]>) {
+        let lines =
+            vec![[1.0, 0.0, -low[0]], [-1.0, 0.0, high[0]], [0.0, 1.0, -low[1]], [0.0, -1.0, high[1]]];
+        let inner = |x: f64, y: f64| {
+            [x + (if x == low[0] { 1.0 } else { -1.0 }), y + (if y == low[1] { 1.0 } else { -1.0 })]
+        };
+        let outline = vec![
+            inner(low[0], low[1]),
+            inner(high[0], low[1]),
+            inner(high[0], high[1]),
+            inner(low[0], high[1]),
+        ];
+        (lines, outline)
+    }
+
+    /// Returns a box whose corners are the corners of a rectangle of the image, all with one depth key.
+    fn flat_box(low: [f64; 2], high: [f64; 2], key: f64) -> ProjectedBox {
+        let corners = core::array::from_fn(|i| {
+            [0, 1].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] })
+        });
+        ProjectedBox { corners, low, high, keys: [key; 8], nearest: key }
+    }
+
+    /// A search visits all triangles that it finds, in whatever order it finds them, and each once.
+    #[test]
+    fn a_search_visits_all_that_it_finds() {
+        let mut search = Search::new();
+        let mut visited = Vec::new();
+        for found in [&[300, 5][..], &[70, 300, 6], &[0, 8191, 5], &[]] {
+            assert!(found.iter().all(|&t| search.push(t)), "{found:?} are within the limit");
+            visited.extend(search.pop());
+        }
+        visited.extend(core::iter::from_fn(|| search.pop()));
+        visited.sort_unstable();
+        assert_eq!(visited, [0, 5, 6, 70, 300, 8191], "triangles visited");
+        assert!(!search.push(MAX_TRIANGLES as u32), "a triangle beyond the limit");
+    }
+
+    #[test]
+    fn triangles_meet_rectangles_that_they_touch() {
+        let region = Region { low: [10.0, 20.0], high: [30.0, 40.0], hull: &[] };
+        let at = |x: f64, y: f64| region.meets_rectangle(&[[x, y], [x + 5.0, y], [x, y + 5.0]]);
+        for (x, y, meets) in [
+            (5.0, 25.0, true),
+            (4.0, 25.0, false),
+            (30.0, 25.0, true),
+            (31.0, 25.0, false),
+            (15.0, 15.0, true),
+            (15.0, 14.0, false),
+            (15.0, 40.0, true),
+            (15.0, 41.0, false),
+        ] {
+            assert_eq!(at(x, y), meets, "a triangle from {x}, {y}");
+        }
+    }
+
+    /// A point that is off by half a unit on each axis meets the triangles that it is in or on.
+    #[test]
+    fn triangles_meet_points_that_are_off_by_half_a_unit() {
+        let triangle = [[0.0, 0.0], [70.0, 20.0], [10.0, 90.0]];
+        for k in 0..3 {
+            let [a, b] = [triangle[k], triangle[(k + 1) % 3]];
+            for off in [[0.5, 0.5], [0.5, -0.5], [-0.5, 0.5], [-0.5, -0.5]] {
+                let hull = [[0.3 * a[0] + 0.7 * b[0] + off[0], 0.3 * a[1] + 0.7 * b[1] + off[1]]];
+                let region = Region { low: [0.0; 2], high: [99.0; 2], hull: &hull };
+                assert!(region.meets_hull(&triangle), "side {k}, off by {off:?}");
+            }
+            let hull = [[a[1] - b[1], b[0] - a[0]].map(|across| -9.0 * across)];
+            let region = Region { low: [0.0; 2], high: [99.0; 2], hull: &hull };
+            assert!(!region.meets_hull(&triangle), "far beyond side {k}");
+        }
+    }
+
+    /// A box is behind a plane if its corners are, a quarter of a unit from where they are computed.
+    #[test]
+    fn boxes_are_behind_planes_with_the_errors_of_their_corners() {
+        let plane = [0.5, -0.25, 8.0];
+        let of = shapes(&[(&[], &[[0.0, 0.0, 99.0], plane], &[], 0.0), (&[], &[], &[], 0.0)]);
+        let key = at(plane, [30.0, 40.0]);
+        // The plane falls by as much from the computed corner to the worst one.
+        let slack = 0.25 * 0.5 + 0.25 * 0.25;
+        for (key, is_hidden) in [
+            (key - slack, false),
+            ((key - slack).next_down(), true),
+            (key - 0.6 * slack, false),
+            (key - 2.0 * slack, true),
+        ] {
+            let bounds = flat_box([30.0, 40.0], [30.0, 40.0], key);
+            assert_eq!(is_behind(&of, &of.list[0], &bounds), is_hidden, "a key of {key}");
+            assert!(!is_behind(&of, &of.list[1], &bounds), "a shape without planes");
+        }
+        for (x, is_known) in
+            [(-RIM, false), ((-RIM).next_up(), true), (0.0, true), (REACH.next_down(), true), (REACH, false)]
+        {
+            for place in [[x, 5.0], [5.0, x]] {
+                let bounds = flat_box(place, place, -1e9);
+                assert_eq!(is_behind(&of, &of.list[0], &bounds), is_known, "a corner at {place:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn least_keys_are_those_of_the_intersection() {
+        let triangle = [[10.0, 0.0], [30.0, 0.0], [10.0, 30.0]];
+        let rectangle = [[20.0, -5.0], [50.0, -5.0], [50.0, 50.0], [20.0, 50.0]];
+        let (rising, falling) = ([1.0, 0.0, 0.0], [-1.0, 0.0, 60.0]);
+        let of = shapes(&[
+            (&[], &[rising], &[], 0.0),
+            (&[], &[falling], &[], 0.0),
+            (&[], &[rising, falling], &[], 0.0),
+            (&[], &[rising], &[], 15.0),
+            (&[], &[], &[], 3.0),
+        ]);
+        for (at, whole, part) in
+            [(0, 10.0, 20.0), (1, 30.0, 30.0), (2, 10.0, 20.0), (3, 15.0, 20.0), (4, 3.0, 3.0)]
+        {
+            assert_eq!(least_key(&of, &of.list[at], &triangle, &[]), whole, "shape {at}");
+            assert_eq!(
+                least_key(&of, &of.list[at], &triangle, &rectangle),
+                part,
+                "shape {at} in a rectangle"
+            );
+        }
+    }
+
+    /// Boxes are hidden where shapes cover all that they meet and are nearer; equally near is not nearer.
+    #[test]
+    fn boxes_are_hidden_by_nearer_shapes_that_cover_them() {
+        let (left, right) = (square([100.0; 2], [200.0; 2]), square([150.0, 100.0], [300.0, 200.0]));
+        let level = [[0.0, 0.0, 5.0]];
+        let of = shapes(&[(&left.0, &level, &left.1, f64::NEG_INFINITY), (&right.0, &level, &right.1, 5.0)]);
+        let mut image = Image::default();
+        image.clear();
+        assert!(image.is_empty(), "an image without shapes");
+        image.add(&of, 0);
+        assert!(!image.is_empty(), "an image with a shape");
+        let hides = |image: &Image, low: [f64; 2], high: [f64; 2], key: f64| {
+            image.hides(&of, &flat_box(low, high, key))
+        };
+        for key in [4.0, 5.0f64.next_down(), 5.0, 6.0] {
+            assert_eq!(hides(&image, [120.0; 2], [180.0; 2], key), key < 5.0, "behind one shape, at {key}");
+            assert!(!hides(&image, [120.0; 2], [250.0, 180.0], key), "beside one shape, at {key}");
+        }
+        image.add(&of, 1);
+        for key in [4.0, 5.0f64.next_down(), 5.0, 6.0] {
+            assert_eq!(hides(&image, [120.0; 2], [250.0, 180.0], key), key < 5.0, "behind both, at {key}");
+            assert_eq!(hides(&image, [220.0, 120.0], [250.0, 180.0], key), key < 5.0, "the second, at {key}");
+        }
+        // Outlines are moved inwards by a unit here, boxes outwards by one, and their corners are off by one.
+        for (low, is_hidden) in [(103.0, true), (102.0, false), (100.0, false)] {
+            assert_eq!(hides(&image, [low, 120.0], [180.0; 2], 1.0), is_hidden, "from column {low}");
+            assert_eq!(hides(&image, [120.0, low], [180.0; 2], 1.0), is_hidden, "from row {low}");
+        }
+        for (high, is_hidden) in [(197.0, true), (198.0, false), (200.0, false)] {
+            assert_eq!(hides(&image, [120.0; 2], [180.0, high], 1.0), is_hidden, "to row {high}");
+        }
+        image.clear();
+        assert!(image.is_empty() && !hides(&image, [120.0; 2], [180.0; 2], 1.0), "an image that was cleared");
+    }
+
+    /// Of two shapes, the nearer one fills the triangles that both cover, in either order.
+    #[test]
+    fn nearer_shapes_fill_what_several_cover() {
+        let (left, right) = (square([100.0; 2], [300.0; 2]), square([150.0, 100.0], [400.0, 300.0]));
+        let [far, near] = [[[0.0, 0.0, 2.0]], [[0.0, 0.0, 5.0]]];
+        let floor = f64::NEG_INFINITY;
+        let of = shapes(&[(&left.0, &far, &left.1, floor), (&right.0, &near, &right.1, floor)]);
+        for order in [[0, 1], [1, 0]] {
+            let mut image = Image::default();
+            image.clear();
+            order.iter().for_each(|&number| image.add(&of, number));
+            for key in [1.0, 4.0, 5.5] {
+                let both = flat_box([160.0, 120.0], [290.0; 2], key);
+                assert_eq!(image.hides(&of, &both), key < 5.0, "{order:?}: in both shapes, at {key}");
+                let either = flat_box([110.0, 120.0], [390.0, 290.0], key);
+                assert_eq!(image.hides(&of, &either), key < 2.0, "{order:?}: in one of them, at {key}");
+            }
+        }
+    }
+}

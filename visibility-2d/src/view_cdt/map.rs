@@ -139,3 +139,48 @@ impl OcclusionMap for ViewCdt {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Pose;
+    use visibility_core::geometry::Plane;
+
+    /// Returns a map with some of two walls that overlap, and the number of vertices of its image.
+    fn drawn(map: ViewCdt, planes: &[Plane]) -> (ViewCdt, usize) {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.5, 0.1, f64::INFINITY).unwrap();
+        let mut map = map;
+        map.begin(&view.with_clip_planes(planes).unwrap(), DVec3::ZERO);
+        for y in [-3.0, -0.5] {
+            let slab = Aabb::from_arrays([4.0, y, -3.0], [4.5, y + 3.5, 3.0]);
+            map.add(&OccluderMesh::cuboid(&slab).unwrap(), &Affine3A::IDENTITY);
+        }
+        map.flush();
+        let vertices = map.vertices();
+        (map, vertices)
+    }
+
+    /// An image that has as many vertices as it may have takes no further occluder.
+    #[test]
+    fn images_have_as_many_vertices_as_they_may() {
+        let all = drawn(ViewCdt::new(), &[]).1;
+        assert_eq!(drawn(ViewCdt::new().with_vertices(4), &[]).1, 4, "the corners alone");
+        let one = drawn(ViewCdt::new().with_vertices(5), &[]).1;
+        assert!(4 < one && one < all, "{one} vertices with one wall, {all} with two");
+        assert_eq!(drawn(ViewCdt::new().with_vertices(one), &[]).1, one, "as many as one wall takes");
+        assert_eq!(ViewCdt::new().with_vertices(usize::MAX).most, MAX_VERTICES, "the greatest number");
+        assert_eq!(ViewCdt::new().with_vertices(9).most, 9, "a lower number");
+    }
+
+    /// Occluders that a clip plane may cut hide nothing.
+    #[test]
+    fn occluders_at_a_clip_plane_hide_nothing() {
+        let target = Aabb::from_arrays([8.0, -1.0, -1.0], [9.0, 1.0, 1.0]);
+        for (least, is_hidden) in [(3.9, true), (4.1, false)] {
+            let plane = Plane::through(DVec3::X * least, DVec3::X);
+            let (map, _) = drawn(ViewCdt::new(), &[plane]);
+            assert_eq!(map.test(&target) == Occlusion::Hidden, is_hidden, "a plane at {least}");
+        }
+    }
+}

@@ -374,3 +374,347 @@ fn round(x: f64) -> f64 {
     const WHOLE: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
     (x + WHOLE) - WHOLE
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::screen::{GRID, Screen};
+    use super::*;
+    use visibility_core::glam::{Affine3A, DVec3, Vec3};
+    use visibility_core::{Aabb, Pose, View};
+    use visibility_testing::{Random, sign_of_sum};
+
+    /// Corner in whole numbers: `x`, `y`, `w`, `n` and the distance beyond the near plane.
+    type Whole = [i128; 5];
+
+    /// Returns the exact determinant of the `x`, `y` and `w` of three corners.
+    fn determinant(a: &Whole, b: &Whole, c: &Whole) -> i128 {
+        (0..3).map(|i| a[i] * (b[(i + 1) % 3] * c[(i + 2) % 3] - b[(i + 2) % 3] * c[(i + 1) % 3])).sum()
+    }
+
+    /// Returns a grid point as a corner.
+    fn point([x, y]: [i128; 2]) -> Whole {
+        [x, y, 1, 0, 0]
+    }
+
+    /// Returns a corner with each of its values moved up or down by its error, as the bits of `signs` say.
+    fn moved(corner: &Whole, error: &Whole, signs: u64) -> Whole {
+        core::array::from_fn(|i| corner[i] + if signs >> i & 1 == 0 { error[i] } else { -error[i] })
+    }
+
+    fn triangle() -> OccluderMesh {
+        OccluderMesh::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]).unwrap()
+    }
+
+    /// Returns corners with an error, and the sizes that they have with it. Errors may be nothing, which
+    /// leaves rounding alone.
+    fn projected(corners: &[Whole], error: &Whole) -> Projected {
+        let float = |values: &Whole| values.map(|x| x as f64);
+        let size = core::array::from_fn(|i| {
+            corners.iter().map(|corner| (corner[i].abs() + error[i]) as f64).fold(0.0, f64::max)
+        });
+        Projected { corners: corners.iter().map(float).collect(), error: float(error), size }
+    }
+
+    /// Whole numbers from minus to plus `2^bits`.
+    fn number(random: &mut Random, bits: u32) -> i128 {
+        i128::from((random.bits() >> (63 - bits)) as i64) - (1 << bits)
+    }
+
+    /// Returns errors of up to `2^bits` each, or none.
+    fn errors(random: &mut Random, bits: u32) -> Whole {
+        if bits == 0 { [0; 5] } else { [0; 5].map(|_| number(random, bits).abs()) }
+    }
+
+    /// Whatever the corners of an edge are within their errors, a point on the inner side of its line is on
+    /// the inner side of the edge. Points are on the exact edge or next to it. Compared in whole numbers.
+    #[test]
+    fn lines_are_on_the_inner_side_of_their_edges() {
+        let (mut random, mesh) = (Random(1), triangle());
+        let mut counts = [0; 2];
+        for trial in 0..20_000 {
+            let bits = [0, 1, 4, 12][trial % 4];
+            // With errors, corners are small, so that the errors matter more than rounding.
+            let scale = if bits == 0 { random.below(30) as u32 } else { bits + random.below(4) as u32 };
+            let step = [0; 2].map(|_| number(&mut random, 8));
+            let base = [0; 2].map(|_| (1 << 20) - (1 << 18) + number(&mut random, 17));
+            let along = |by: i128| [base[0] + by * step[0], base[1] + by * step[1]];
+            let mut places = [0; 3].map(|_| along(number(&mut random, 9)));
+            let beside = random.below(18) as u32;
+            if bits > 0 || random.one_in(2) {
+                places[2] = places[2].map(|x| x - number(&mut random, beside).abs());
+            }
+            let [a, b] = [places[0], places[1]].map(|[x, y]| {
+                let w = (1 << scale) + number(&mut random, scale).abs();
+                [x * w, y * w, w, 0, 0]
+            });
+            let (error, facing) = (errors(&mut random, bits), if random.one_in(2) { 1 } else { -1 });
+            let of = projected(&[a, b], &error);
+            let meshed = Meshed::new(&mesh, &of, facing as f64);
+            let line = meshed.line(&of.corners[0], &of.corners[1]);
+            let p = point(places[2]);
+            let is_inside = at(line, places[2].map(|x| x as f64)) > 0.0;
+            let least = (0..64)
+                .map(|signs| {
+                    facing * determinant(&moved(&a, &error, signs), &moved(&b, &error, signs >> 3), &p)
+                })
+                .min();
+            assert!(
+                !is_inside || least > Some(0),
+                "trial {trial}: {a:?} to {b:?} off by {error:?}, at {p:?}: {least:?}"
+            );
+            counts[usize::from(is_inside)] += 1;
+        }
+        assert!(counts.iter().all(|&count| count > 500), "points outside and inside: {counts:?}");
+    }
+
+    /// Returns three corners that are nearly in one line as the eye sees them.
+    fn flat(random: &mut Random, bits: u32, most: u32) -> [Whole; 3] {
+        let [a, b] = [0; 2].map(|_| [0; 5].map(|_| number(random, most)));
+        let [i, j] = [0; 2].map(|_| number(random, 1));
+        let near = bits + 2 + random.below(10) as u32;
+        let off = core::array::from_fn::<_, 5, _>(|_| if bits == 0 { 0 } else { number(random, near) });
+        [a, b, core::array::from_fn(|k| i * a[k] + j * b[k] + off[k])]
+    }
+
+    /// A triangle that is drawn faces the eye wherever its corners are within their errors.
+    #[test]
+    fn triangles_that_are_drawn_face_the_eye() {
+        let (mut random, mesh) = (Random(2), triangle());
+        let mut counts = [0; 2];
+        for trial in 0..20_000 {
+            let bits = [0, 1, 4, 10][trial % 4];
+            let most = if bits == 0 { 34 } else { bits + 8 };
+            let mut corners = flat(&mut random, bits, most);
+            let error = errors(&mut random, bits);
+            corners.iter_mut().for_each(|corner| corner[4] = 1 << 40);
+            let facing = if random.one_in(2) { 1 } else { -1 };
+            let of = projected(&corners, &error);
+            let is_drawn = Meshed::new(&mesh, &of, facing as f64).is_drawn([0, 1, 2]);
+            for signs in (0..if bits == 0 { 1 } else { 60 }).map(|_| random.bits()) {
+                let [a, b, c] = core::array::from_fn(|k| moved(&corners[k], &error, signs >> (3 * k)));
+                let exact = facing * determinant(&a, &b, &c);
+                assert!(!is_drawn || exact > 0, "trial {trial}: {corners:?} off by {error:?}: {exact}");
+            }
+            counts[usize::from(is_drawn)] += 1;
+        }
+        assert!(counts.iter().all(|&count| count > 500), "triangles left out and drawn: {counts:?}");
+    }
+
+    /// Returns numbers of 26 bits whose sum is a whole number.
+    fn split(whole: i128) -> impl Iterator<Item = f64> {
+        let sign = if whole < 0 { -1.0 } else { 1.0 };
+        (0..5).map(move |k| {
+            let part = (whole.unsigned_abs() >> (26 * k)) as u64 & ((1 << 26) - 1);
+            sign * part as f64 * (1u64 << (13 * k)) as f64 * (1u64 << (13 * k)) as f64
+        })
+    }
+
+    /// The depth plane of a triangle is nowhere nearer than the triangle's own plane, wherever its corners
+    /// are within their errors.
+    #[test]
+    fn depth_planes_are_behind_their_triangles() {
+        let (mut random, mesh) = (Random(3), triangle());
+        let mut counts = [0; 2];
+        for trial in 0..6_000 {
+            let bits = [0, 1, 2][trial % 3];
+            let places = [0; 3].map(|_| [0; 2].map(|_| (1 << 19) + number(&mut random, 18)));
+            let corners = places.map(|[x, y]| {
+                let w = 1 + number(&mut random, 8).abs();
+                [x * w, y * w, w, number(&mut random, 8), 1]
+            });
+            let error = errors(&mut random, bits).map(|error| error.min(1 << 1));
+            let error = [error[0], error[1], error[2].min(i128::from(bits > 1)), error[3], 0];
+            let of = projected(&corners, &error);
+            let plane = Meshed::new(&mesh, &of, 1.0).depth_plane([0, 1, 2]);
+            counts[usize::from(plane.is_some())] += 1;
+            let Some([x, y, c]) = plane else { continue };
+            for turn in 0..8 {
+                let p = [0; 2].map(|_| 1 + number(&mut random, 20).abs().min((1 << 20) - 1));
+                let signs = random.bits();
+                let [a, b, c3] = core::array::from_fn(|k| moved(&corners[k], &error, signs >> (4 * k)));
+                let all = determinant(&a, &b, &c3);
+                let at = point(p);
+                let key = a[3] * determinant(&at, &b, &c3)
+                    + b[3] * determinant(&a, &at, &c3)
+                    + c3[3] * determinant(&a, &b, &at);
+                // The plane's value times the determinant, less the numerator of the key.
+                let (all, key) = if all < 0 { (-all, -key) } else { (all, key) };
+                let [px, py] = p.map(|x| x as f64);
+                let products = split(all)
+                    .flat_map(|part| [(x, part * px), (y, part * py), (c, part)])
+                    .chain(split(-key).map(|part| (1.0, part)));
+                assert!(
+                    sign_of_sum(products) <= 0,
+                    "trial {trial}, {turn}: {corners:?} off by {error:?}, at {p:?}"
+                );
+            }
+        }
+        assert!(counts[1] > 3_000, "triangles without and with a plane: {counts:?}");
+    }
+
+    /// Where an edge is cut, and at its ends that are drawn, it is beyond the near plane.
+    #[test]
+    fn cuts_are_beyond_the_near_plane() {
+        let (mut random, mesh) = (Random(4), triangle());
+        let mut cuts = 0;
+        for trial in 0..20_000 {
+            let bits = [0, 4][trial % 2];
+            let error = errors(&mut random, bits);
+            let [a, b] = [0; 2].map(|_| {
+                let most = 1 + random.below(if bits == 0 { 50 } else { 8 }) as u32;
+                [0, 0, 1, 0, number(&mut random, most)]
+            });
+            let of = projected(&[a, b], &error);
+            let meshed = Meshed::new(&mesh, &of, 1.0);
+            for (vertex, corner) in [(0, a), (1, b)] {
+                let is_beyond = meshed.is_beyond(vertex);
+                assert!(!is_beyond || corner[4] > error[4], "trial {trial}: {corner:?} off by {error:?}");
+            }
+            if meshed.is_beyond(0) == meshed.is_beyond(1) {
+                continue;
+            }
+            assert_eq!(meshed.cut(0, 1), meshed.cut(1, 0), "trial {trial}: the cut from either end");
+            // Both ends are an error nearer than computed.
+            let (a, b) = if meshed.is_beyond(1) { (a, b) } else { (b, a) };
+            let [near_a, near_b] = [a, b].map(|corner| corner[4] as f64);
+            let share = (meshed.limit - near_a) / (near_b - near_a);
+            let (rest, off) = (1.0 - share, error[4] as f64);
+            let products = [(rest, near_a), (rest, -off), (share, near_b), (share, -off)];
+            assert!(sign_of_sum(products) > 0, "trial {trial}: {a:?} to {b:?} off by {error:?}");
+            cuts += 1;
+        }
+        assert!(cuts > 2_000, "{cuts} edges are cut");
+    }
+
+    /// A plane whose coefficients overflow is no plane.
+    #[test]
+    fn planes_that_overflow_are_left_out() {
+        let mesh = triangle();
+        for key in [1.0, 1e300] {
+            let corners = [[9.0, 1.0, 1.0, key], [1.0, 9.0, 1.0, -key], [1.0, 1.0, 1.0, key]];
+            let corners = corners.map(|[x, y, w, n]| [x * 1e10, y * 1e10, w, n, 1.0]);
+            let of =
+                Projected { corners: corners.to_vec(), error: [0.0; 5], size: [9e10, 9e10, 1.0, key, 1.0] };
+            let plane = Meshed::new(&mesh, &of, 1.0).depth_plane([0, 1, 2]);
+            assert_eq!(plane.is_some(), key == 1.0, "keys of {key}: {plane:?}");
+        }
+    }
+
+    /// The floor of a shape is no more than the least depth key of a corner, wherever corners are within
+    /// their errors, and nothing where a corner's `w` is uncertain. A corner behind the eye does not count.
+    #[test]
+    fn floors_are_below_the_keys_of_all_corners() {
+        let (mut random, mesh) = (Random(5), triangle());
+        let mut counts = [0; 2];
+        for trial in 0..4_000 {
+            let [of_n, of_w] = [0; 2].map(|_| number(&mut random, 4).abs() * i128::from(trial % 2 != 0));
+            let mut corners = [[1, 1], [900, 1], [1, 900]].map(|[x, y]| {
+                let w = 1025 * of_w + 1 + number(&mut random, 6).abs();
+                [1000 * x * w, 1000 * y * w, w, number(&mut random, 30), 1 << 40]
+            });
+            let is_known = trial % 3 != 0;
+            if !is_known {
+                let w = 1 + number(&mut random, 20).abs() % (1024 * of_w).max(1);
+                corners[0] = [1000 * w, 1000 * w, w, corners[0][3], 1 << 40];
+            }
+            let error = [0, 0, of_w, of_n, 0];
+            let mut of = projected(&corners, &error);
+            // The bounds on determinants, which have another test, are not to decide.
+            of.size[3] = 1e300;
+            let mut shapes = Shapes::default();
+            shapes.add(&mesh, &of, 1.0);
+            shapes.add(&mesh, &of, -1.0);
+            for shape in &shapes.list {
+                counts[usize::from(shape.floor > f64::NEG_INFINITY)] += 1;
+                for corner in &corners {
+                    let (n, w) = ((corner[3] - of_n) as f64, [corner[2] - of_w, corner[2] + of_w]);
+                    for w in w.map(|w| w as f64) {
+                        let is_below = shape.floor == f64::NEG_INFINITY
+                            || w > 0.0 && sign_of_sum([(shape.floor, w), (-n, 1.0)]) <= 0;
+                        assert!(is_below, "trial {trial}: {} and {n} / {w}", shape.floor);
+                    }
+                }
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 300), "floors without and with a bound: {counts:?}");
+    }
+
+    /// Points that a shape covers are behind a triangle of the mesh that faces the eye, beyond the near
+    /// plane, and no deeper than the shape says; also where the near plane cuts the mesh, or the mesh is
+    /// concave or open. A solid before the eye has one shape, which covers nearly all of its outline.
+    #[test]
+    fn shapes_cover_what_their_triangles_cover() {
+        let mut random = Random(6);
+        let (mut covered, mut bare, mut projected) = (0, 0, Projected::default());
+        for trial in 0..600 {
+            let reach = [2.0, 9.0][trial % 2];
+            let mut corner = || (random.vector(reach) + DVec3::X * 4.0).as_vec3();
+            let is_solid = trial % 3 == 0;
+            let mesh = if is_solid {
+                let low = corner();
+                OccluderMesh::cuboid(&Aabb::new(low, low + (corner() - low).abs() * 0.5))
+            } else {
+                let points = [0; 6].map(|_| corner());
+                OccluderMesh::from_indexed(&points, &[[0, 1, 2], [0, 2, 3], [0, 3, 4], [1, 5, 2], [4, 5, 0]])
+            };
+            let Ok(mesh) = mesh else { continue };
+            let mesh = mesh.with_two_sided(trial % 4 == 1);
+            let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+            let near = [0.1, 2.0][trial / 2 % 2];
+            let view = View::perspective(pose, 1.0, 1.0, near, f64::INFINITY).unwrap();
+            let screen = Screen::new(&view, DVec3::ZERO);
+            let facing = screen.facing(&Affine3A::IDENTITY).unwrap();
+            assert!(screen.project(mesh.positions(), &Affine3A::IDENTITY, &mut projected), "finite numbers");
+            let mut shapes = Shapes::default();
+            shapes.add(&mesh, &projected, facing);
+            let slope = 0.5f64.tan();
+            // Points of the grid near the middles of triangles, at their corners, and anywhere.
+            let places = mesh.positions().iter().map(|p| p.as_dvec3()).collect::<Vec<_>>();
+            for turn in 0..60 {
+                let [a, b, c] = mesh.triangles()[turn % mesh.triangles().len()].map(|i| places[i as usize]);
+                let [s, t] = [random.fine_range(-0.1, 1.1), random.fine_range(-0.1, 1.1)];
+                let p = a + (b - a) * s + (c - a) * t * (1.0 - s);
+                let at_p = [0.5 - 0.5 * p.y / p.x / slope, 0.5 - 0.5 * p.z / p.x / slope].map(|x| x * GRID);
+                if !(p.x > near && at_p.iter().all(|x| (0.0..GRID).contains(x))) {
+                    continue;
+                }
+                let ray = DVec3::new(1.0, p.y / p.x, p.z / p.x);
+                // Keys at which the line of sight meets triangles; `None` close to an edge.
+                let mut keys = Vec::new();
+                for &[i, j, k] in mesh.triangles() {
+                    let [a, b, c] = [i, j, k].map(|i| places[i as usize]);
+                    let normal = (b - a).cross(c - a);
+                    let x = normal.dot(a) / normal.dot(ray);
+                    let sides = [(a, b), (b, c), (c, a)].map(|(a, b)| {
+                        (b - a).cross(ray * x - a).dot(normal) / (normal.length() * (b - a).length())
+                    });
+                    let is_front = normal.dot(ray) < 0.0 || mesh.is_two_sided();
+                    if is_front && x > near * (1.0 - 1e-9) && sides.iter().all(|&side| side > -1e-4) {
+                        keys.push(1.0 / x);
+                    }
+                }
+                let nearest = keys.iter().copied().fold(0.0, f64::max);
+                let mut is_covered = false;
+                for shape in &shapes.list {
+                    if !shapes.lines[shape.lines.clone()].iter().all(|&line| at(line, at_p) > 0.0) {
+                        continue;
+                    }
+                    is_covered = true;
+                    let least = shapes.planes[shape.planes.clone()]
+                        .iter()
+                        .map(|&plane| at(plane, at_p))
+                        .fold(f64::INFINITY, f64::min);
+                    let key = least.max(shape.floor);
+                    assert!(
+                        key <= nearest * (1.0 + 1e-6),
+                        "trial {trial}, {turn}: {p} has a key of {key}, and {keys:?} of {mesh:?}"
+                    );
+                }
+                covered += usize::from(is_covered);
+                let is_clear = is_solid && mesh.bounds().min.x > near as f32 && (0.01..0.99).contains(&s);
+                bare += usize::from(!is_covered && is_clear && (0.01..0.99).contains(&t) && !keys.is_empty());
+            }
+        }
+        assert!(covered > 2_000 && bare == 0, "{covered} points covered, {bare} of solids bare");
+    }
+}

@@ -457,3 +457,112 @@ impl Placement {
 fn place(transform: &DAffine3, point: Vec3) -> Vec3 {
     transform.transform_point3(point.as_dvec3()).as_vec3()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DQuat;
+    use visibility_testing::Random;
+
+    /// Returns a box that spans a range along x, and ten metres along y and z.
+    fn along_x(least: f32, most: f32) -> Aabb {
+        Aabb::from_arrays([least, 0.0, 0.0], [most, 10.0, 10.0])
+    }
+
+    /// Returns a transform that scales along x and moves along it.
+    fn by_x(scale: f64, shift: f64) -> DAffine3 {
+        DAffine3 { matrix3: DMat3::from_diagonal(DVec3::new(scale, 1.0, 1.0)), translation: DVec3::X * shift }
+    }
+
+    /// Steps of `f64` beside 1 that `f32` rounds to 1.
+    const U: f64 = 1.0 / (1 << 24) as f64;
+
+    /// A transform is rounded if that moves vertices by at most four units of round-off of the greatest
+    /// coordinate on each axis.
+    #[test]
+    fn transforms_are_rounded_where_coordinates_are_large_enough() {
+        // The image is from 0 to the box's end, and moves by a unit.
+        for (end, is_rounded) in [(-0.7, true), (-0.75, true), (-0.8, false)] {
+            let bounds = along_x(-1.0, end);
+            assert_eq!(can_be_rounded(&by_x(1.0, 1.0 + U), &bounds), is_rounded, "an image to {}", end + 1.0);
+        }
+        // The image is within 0.45, and moves by as many units as the vertices' greatest coordinate.
+        for (scale, is_rounded) in [(1.0, true), (1.0 + U, false)] {
+            let bounds = along_x(1.0625, 1.9375);
+            assert_eq!(can_be_rounded(&by_x(scale, -1.5), &bounds), is_rounded, "scaled by {scale}");
+            let bounds = along_x(-1.9375, -1.0625);
+            assert_eq!(can_be_rounded(&by_x(scale, 1.5), &bounds), is_rounded, "scaled by {scale}, turned");
+        }
+    }
+
+    /// Terms that cancel in `f32` are at most four times the greatest coordinate.
+    #[test]
+    fn transforms_whose_terms_cancel_are_kept() {
+        for (end, is_rounded) in [(-0.5, true), (-0.51, false)] {
+            let bounds = Aabb::from_arrays([-1.0, 0.0, 0.0], [end, 0.1, 0.1]);
+            assert_eq!(can_be_rounded(&by_x(1.0, 1.0), &bounds), is_rounded, "an image to {}", end + 1.0);
+        }
+    }
+
+    /// Transforms that `f32` does not hold, or of which it does not tell whether they mirror, are kept.
+    #[test]
+    fn transforms_that_rounding_changes_in_kind_are_kept() {
+        let bounds = along_x(0.0, 1.0);
+        for scale in [1e39, 1e300, f64::INFINITY, f64::NAN] {
+            assert!(!can_be_rounded(&by_x(1.0, scale), &bounds), "moved by {scale}");
+            assert!(!can_be_rounded(&by_x(scale, 0.0), &bounds), "scaled by {scale}");
+        }
+        assert!(can_be_rounded(&by_x(1.0, 1e30), &bounds), "moved by a number of single precision");
+        // Columns that are as good as parallel in single precision, and are not.
+        let [x, y] = [DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, 1.0 + 1e-9, 0.0)];
+        for columns in [[x, y, DVec3::Z], [y, x, DVec3::Z]] {
+            let transform = DAffine3::from_mat3(DMat3::from_cols(columns[0], columns[1], columns[2]));
+            assert!(keeps_orientation_64(&transform.matrix3).is_some(), "it is known whether it mirrors");
+            assert!(!can_be_rounded(&transform, &bounds), "{columns:?} is not rounded");
+        }
+    }
+
+    /// Rounding moves the corners of a box no more than it says, however the box is turned and moved.
+    #[test]
+    fn rounded_transforms_move_vertices_little() {
+        let mut random = Random(1);
+        let mut counts = [0; 2];
+        for trial in 0..20_000 {
+            let far = [0.0, 1.0, 10.0, 1e3][trial % 4];
+            let middle = random.vector(far);
+            let half = random.fine_vector(1.0).abs();
+            let bounds = Aabb::new((middle - half).as_vec3(), (middle + half).as_vec3());
+            let turn = DQuat::from_axis_angle(random.direction(), random.fine_unit() * 7.0);
+            let scale = random.fine_vector(2.0);
+            let turned = DAffine3::from_scale_rotation_translation(scale, turn, DVec3::ZERO);
+            let shift = random.fine_vector(1.0) - turned.transform_point3(middle);
+            let transform = DAffine3 { translation: shift, ..turned };
+            let is_rounded = can_be_rounded(&transform, &bounds);
+            counts[usize::from(is_rounded)] += 1;
+            if !is_rounded {
+                continue;
+            }
+            let near = exact(rounded(&transform));
+            let corners = bounds.corners().map(|p| p.as_dvec3());
+            let images = corners.map(|p| transform.transform_point3(p));
+            let most = images.into_iter().fold(DVec3::ZERO, |most, p| most.max(p.abs()));
+            for (corner, image) in corners.into_iter().zip(images) {
+                let moved = (near.transform_point3(corner) - image).abs();
+                assert!(
+                    moved.cmple(most * (4.0001 * U)).all(),
+                    "trial {trial}: {corner} moves by {moved}, of {most}"
+                );
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 3_000), "kept and rounded: {counts:?}");
+    }
+
+    #[test]
+    fn triangles_are_the_same_if_mesh_and_place_are() {
+        let mesh = || SharedTriangles::from([[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+        let (a, b, moved) = (mesh(), mesh(), DAffine3::from_translation(DVec3::Z));
+        assert!(a.is_same(&a.clone()) && a.placed(moved).is_same(&a.placed(moved)), "one mesh at one place");
+        assert!(!a.is_same(&a.placed(moved)), "one mesh at two places");
+        assert!(!a.is_same(&b) && !a.placed(moved).is_same(&b.placed(moved)), "two meshes at one place");
+    }
+}

@@ -407,3 +407,293 @@ fn may_be_seen(simd: Simd, frame: &LevelFrame, tiles: &Tiles, bounds: [f32; 4], 
     let Some(rectangle) = (Rectangle { columns, lines }).within_columns(frame.columns) else { return false };
     !frame.perspective || simd.rectangle_may_be_seen(tiles, &rectangle, 1.0 / (BARELY_NEARER * w))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::random;
+    use visibility_core::glam::{DMat3, Vec3};
+    use visibility_core::view::Window;
+    use visibility_core::{Pose, View, geometry::Plane};
+    use visibility_occluders::{LevelOccluders, LevelSettings, LevelTriangle};
+
+    /// Width and height of the buffer in pixels.
+    const SIZE: [usize; 2] = [64, 32];
+
+    /// Distance in metres of the near plane of the views.
+    const NEAR: f64 = 0.1;
+
+    /// Returns a level of triangles.
+    fn level(triangles: &[[Vec3; 3]], two_sided: bool) -> Arc<PreparedLevel> {
+        let triangles: Vec<_> =
+            triangles.iter().map(|&corners| LevelTriangle { corners, two_sided }).collect();
+        let settings = LevelSettings::default().with_kept_area(1.0).with_bulge(0.1);
+        Arc::new(PreparedLevel::new(
+            Arc::new(LevelOccluders::new(&triangles, settings).unwrap()),
+            DVec3::ZERO,
+        ))
+    }
+
+    /// Returns the triangles of a parallelogram between a corner and its two neighbours.
+    fn parallelogram([p, s, t]: [DVec3; 3]) -> [[Vec3; 3]; 2] {
+        let [a, b, c, d] = [p, p + s, p + s + t, p + t].map(|p| p.as_vec3());
+        [[a, b, c], [a, c, d]]
+    }
+
+    /// Draws a level and returns the tiles, and an upper bound on the depth keys drawn.
+    fn draw(level: &Arc<PreparedLevel>, frame: &LevelFrame) -> (Tiles, f32) {
+        let mut all = Vec::new();
+        find_candidates(0, level, frame, &mut all);
+        let mut order: Vec<u64> = (0..).zip(&all).map(|(index, of)| of.sort_key(index)).collect();
+        order.sort_unstable();
+        let mut tiles = Tiles::new(SIZE[0], SIZE[1]);
+        let (levels, frames) = ([level.clone()], [Some(frame.clone())]);
+        let (candidates, mut scratch) = (Candidates { all: &all, order: &order }, LevelScratch::default());
+        let (simd, work) = (Simd::best(), f32::INFINITY);
+        let (nearest, _) =
+            draw_candidates(simd, &levels, &frames, candidates, work, &mut scratch, &mut tiles);
+        (tiles, nearest)
+    }
+
+    /// Returns the number of covered pixels.
+    fn covered(tiles: &Tiles) -> usize {
+        let pixels = (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| [x, y]));
+        pixels.filter(|&[x, y]| tiles.pixel(x, y) > f32::NEG_INFINITY).count()
+    }
+
+    fn frame(view: &View, level: &PreparedLevel, coverage: Coverage) -> LevelFrame {
+        LevelFrame::new(view, level, SIZE, SIZE, coverage, 0.0).unwrap()
+    }
+
+    /// Returns a view along x from the origin.
+    fn ahead() -> View {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        View::perspective(pose, 1.0, 2.0, NEAR, 900.0).unwrap()
+    }
+
+    /// Returns the depth key at which the line of sight through a place on the screen meets a parallelogram,
+    /// and whether that is clear of the near plane. `None` if it does not.
+    fn hit(frame: &LevelFrame, [p, s, t]: [DVec3; 3], [column, row]: [f64; 2]) -> Option<(f64, bool)> {
+        let ([x, y, w, n], near) = (frame.projection.rows, frame.projection.near);
+        let [rx, ry, rw, rn, rd] = [x, y, w, n, near].map(|row| DVec3::from(row.linear));
+        let lines = [rx - rw * column, ry - rw * row, s.cross(t)];
+        let wanted =
+            DVec3::new(w.constant * column - x.constant, w.constant * row - y.constant, lines[2].dot(p));
+        let at = DMat3::from_cols(lines[0], lines[1], lines[2]).transpose().inverse() * wanted;
+        let away = DMat3::from_cols(s, t, lines[2]).inverse() * (at - p);
+        let beyond = rd.dot(at) + near.constant;
+        let inside = |share: f64| (-1e-6..=1.0 + 1e-6).contains(&share);
+        let key = (rn.dot(at) + n.constant) / (rw.dot(at) + w.constant);
+        let is_clear = beyond > 4.0 * frame.least_near && rw.dot(at) + w.constant > 4.0 * frame.least_w;
+        (inside(away.x) && inside(away.y) && beyond > 0.0).then_some((key, is_clear))
+    }
+
+    /// A pixel is covered only if all lines of sight through it, and through what is nearer to it than nearly
+    /// the slack, meet the parallelogram that is drawn, at no greater depth key than the pixel has. It is
+    /// covered if those within more than the slack do. Many parallelograms reach out of the picture or to the
+    /// eye.
+    #[test]
+    fn pixels_are_covered_where_lines_of_sight_meet_a_polygon() {
+        let (mut random, mut counts) = (random(51), [[0; 2]; 2]);
+        for trial in 0..600 {
+            let mut vector = |size: f64| DVec3::from([0; 3].map(|_| random(-size, size)));
+            let reach = [6.0, 40.0][trial % 2];
+            let across = vector(reach).as_vec3().as_dvec3();
+            let along = vector(reach).as_vec3().as_dvec3();
+            let start = (vector(3.0) + DVec3::X * 6.0 - 0.5 * (across + along)).as_vec3().as_dvec3();
+            let shape = [start, across, along];
+            let turn = vector(0.3);
+            let pose = Pose::look_at(DVec3::ZERO, DVec3::X + turn, DVec3::Z);
+            let is_parallel = trial % 5 == 0;
+            let view = if is_parallel {
+                View::orthographic(pose, Window::centered(16.0, 8.0), 0.1, 90.0).unwrap()
+            } else {
+                View::perspective(pose, 1.0, 2.0, NEAR, 900.0).unwrap()
+            };
+            let level = level(&parallelogram(shape), true);
+            let coverage = if trial % 7 == 0 { Coverage::Sampled } else { Coverage::Conservative };
+            let mut frame = frame(&view, &level, coverage);
+            let wide = if trial % 3 == 0 {
+                frame.slack = 2.0;
+                2.0
+            } else {
+                0.0
+            };
+            // The centre alone counts for sampled pixels.
+            let [inner, outer] = match coverage {
+                Coverage::Sampled => [0.0; 2],
+                Coverage::Conservative => [0.5 + 0.95 * wide, 0.6 + wide],
+            };
+            let (tiles, nearest) = draw(&level, &frame);
+            let normal = across.cross(along).normalize();
+            // Polygons that are seen nearly edge on need not be drawn, nor those that the eye is close to.
+            let plane = normal.dot(start).abs();
+            let is_plain =
+                (is_parallel && normal.dot(pose.forward).abs() > 0.2) || (!is_parallel && plane > 1.0);
+            for [x, y] in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| [x, y])) {
+                let key = tiles.pixel(x, y);
+                let hits = |by: f64| {
+                    [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [0.0, 0.0]].map(|[dx, dy]| {
+                        hit(&frame, shape, [x as f64 + 0.5 + dx * by, y as f64 + 0.5 + dy * by])
+                    })
+                };
+                let case = || alloc::format!("trial {trial}, pixel {x}, {y} of {shape:?}");
+                if key > f32::NEG_INFINITY {
+                    let (near, far) = (hits(inner), hits(0.5));
+                    assert!(near.iter().all(Option::is_some), "{} is covered", case());
+                    let least = far.iter().flatten().fold(f64::INFINITY, |least, hit| least.min(hit.0));
+                    let is_behind =
+                        coverage == Coverage::Sampled || f64::from(key) <= least + 1e-6 * least.abs();
+                    assert!(is_behind && nearest >= key, "{}: {key} of {least}, {nearest}", case());
+                    counts[usize::from(is_parallel)][1] += 1;
+                } else if is_plain && coverage == Coverage::Conservative {
+                    let is_clear = hits(outer).iter().all(|hit| hit.is_some_and(|hit| hit.1));
+                    assert!(!is_clear, "{} is bare", case());
+                    counts[usize::from(is_parallel)][0] += 1;
+                }
+            }
+        }
+        assert!(counts.iter().flatten().all(|&count| count > 4_000), "bare and covered: {counts:?}");
+    }
+
+    /// Two walls that share an edge leave no pixel bare along it.
+    #[test]
+    fn pixels_along_an_edge_of_two_polygons_are_covered() {
+        let [low, high] = [DVec3::new(8.0, 0.3, -9.0), DVec3::new(8.0, -0.4, 9.0)];
+        let [left, right] = [DVec3::new(-2.0, 9.0, 0.0), DVec3::new(-2.0, -9.0, 0.0)];
+        let walls =
+            [parallelogram([low, high - low, left]), parallelogram([low, right, high - low])].concat();
+        for two_sided in [false, true] {
+            for coverage in [Coverage::Conservative, Coverage::Sampled] {
+                for turned in [false, true] {
+                    let walls: Vec<_> =
+                        walls.iter().map(|&[a, b, c]| if turned { [a, c, b] } else { [a, b, c] }).collect();
+                    let level = level(&walls, two_sided);
+                    let (tiles, _) = draw(&level, &frame(&ahead(), &level, coverage));
+                    let is_seen = two_sided || !turned;
+                    let expected = if is_seen { SIZE[0] * SIZE[1] } else { 0 };
+                    assert_eq!(covered(&tiles), expected, "{coverage:?}, {two_sided}, {turned}");
+                }
+            }
+        }
+    }
+
+    /// A wall that fills the picture, of faces that are bent against each other if wanted.
+    fn wall(bend: f64) -> Vec<[Vec3; 3]> {
+        let [low, high] = [DVec3::new(8.0 - bend, 0.0, -9.0), DVec3::new(8.0 - bend, 0.0, 9.0)];
+        let [left, right] = [DVec3::new(bend, 14.0, 0.0), DVec3::new(bend, -14.0, 0.0)];
+        let up = high - low;
+        [parallelogram([low, up, left]), parallelogram([low, right, up])].concat()
+    }
+
+    /// Returns whether any pixel is covered in a frame.
+    fn is_drawn(level: &Arc<PreparedLevel>, frame: &LevelFrame) -> bool {
+        covered(&draw(level, frame).0) > 0
+    }
+
+    /// Outlines whose points may be off by more than a 64th of a pixel are not drawn.
+    #[test]
+    fn outlines_with_large_errors_are_not_drawn() {
+        // The sides of a long wall are beyond the guard band, and its edges are cut.
+        let long: Vec<_> = wall(0.0).iter().map(|t| t.map(|p| p * Vec3::new(1.0, 300.0, 300.0))).collect();
+        for (case, triangles) in [("plain", wall(0.0)), ("cut", long)] {
+            let level = level(&triangles, true);
+            let mut frame = frame(&ahead(), &level, Coverage::Conservative);
+            let all = SIZE[0] * SIZE[1];
+            assert_eq!(covered(&draw(&level, &frame).0), all, "{case}: a wall that fills the picture");
+            if case == "cut" {
+                // All points of the wall have a `w` of 8, and the bound is a quarter more than the quotient.
+                for (error, is_small) in [(0.75, true), (0.85, false)] {
+                    frame.object.error[0] = error * 8.0 / 64.0;
+                    assert_eq!(is_drawn(&level, &frame), is_small, "an error of {error} 64ths of a pixel");
+                }
+            }
+        }
+    }
+
+    /// Bent polygons, of faces that are not in one plane, have outlines that are exact if no face shows its
+    /// back, or both sides occlude. Others are not drawn if their outlines may move too far.
+    #[test]
+    fn bent_outlines_are_drawn_if_they_are_exact() {
+        // A wall that faces the eye, and one some centimetres beside it, along which it looks and which
+        // reaches behind it: at 8 cm the eye is above the slab, and not certainly above both faces.
+        let along = |x: f32| -> Vec<_> {
+            wall(0.1).iter().map(|t| t.map(|p| Vec3::new(p.x - 7.9 + x, p.y, p.z))).collect()
+        };
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::Y, DVec3::Z);
+        let narrow = View::perspective(pose, 0.5, 1.0, NEAR, 900.0).unwrap();
+        let wide = View::perspective(pose, 2.0, 2.0, NEAR, 900.0).unwrap();
+        for (case, triangles, view, exact) in [
+            ("from the front", wall(0.1), ahead(), [true, true]),
+            ("along it", along(0.08), narrow, [true, false]),
+            // Its outline is flattened before it is cut, since it may meet the eye's window.
+            ("along it, in a wide view", along(0.15), wide, [false, false]),
+        ] {
+            for (two_sided, is_exact) in [true, false].into_iter().zip(exact) {
+                let level = level(&triangles, two_sided);
+                assert_eq!(level.level.polygons().len(), 1, "{case}: faces are one polygon");
+                assert!(level.thickness > 0.05, "{case}: {} m thick", level.thickness);
+                let mut frame = frame(&view, &level, Coverage::Conservative);
+                let pixels = frame.pixels_per_metre;
+                for (times, is_small) in [(1e-6, true), (1e6, false)] {
+                    frame.pixels_per_metre = pixels * times;
+                    let expected = is_small || is_exact;
+                    assert_eq!(is_drawn(&level, &frame), expected, "{case}, {two_sided}, {times} times");
+                }
+            }
+        }
+    }
+
+    /// Each of many clusters is a candidate once, and all are drawn.
+    #[test]
+    fn clusters_are_candidates_once() {
+        let square = |i: usize| {
+            let [y, z] = [(i % 9) as f64 - 4.5, (i / 9) as f64 - 2.5];
+            parallelogram([DVec3::new(8.0, y, z), DVec3::Z * 0.9, DVec3::Y * 0.9])
+        };
+        for count in [1, WIDTH - 1, WIDTH, WIDTH + 1, 45] {
+            let squares: Vec<_> = (0..count).flat_map(square).collect();
+            let triangles: Vec<_> =
+                squares.iter().map(|&corners| LevelTriangle { corners, two_sided: true }).collect();
+            let settings = LevelSettings::default().with_kept_area(1.0).with_max_cluster_edges(4);
+            let level = LevelOccluders::new(&triangles, settings).unwrap();
+            let level = Arc::new(PreparedLevel::new(Arc::new(level), DVec3::ZERO));
+            assert_eq!(level.level.clusters().len(), count, "clusters of {count} squares");
+            let frame = frame(&ahead(), &level, Coverage::Sampled);
+            let mut candidates = Vec::new();
+            find_candidates(0, &level, &frame, &mut candidates);
+            let mut found: Vec<_> = candidates.iter().map(|candidate| candidate.cluster as usize).collect();
+            found.sort_unstable();
+            assert!(found.iter().copied().eq(0..count), "{count} squares: {found:?}");
+            assert!(covered(&draw(&level, &frame).0) > 8 * count, "{count} squares are drawn");
+        }
+    }
+
+    /// Polygons are drawn only if all of their slab is within the clip planes of a view.
+    #[test]
+    fn polygons_at_a_clip_plane_are_not_drawn() {
+        let wall = parallelogram([DVec3::new(8.0, -9.0, -9.0), DVec3::Y * 18.0, DVec3::Z * 18.0]);
+        let mut level = Arc::into_inner(level(&wall, true)).unwrap();
+        // The slab reaches a metre beyond the outline on each axis.
+        level.thickness = 1.0;
+        let level = Arc::new(level);
+        for axis in 0..3 {
+            for sign in [1.0, -1.0] {
+                let normal = DVec3::AXES[axis] * sign;
+                // The least coordinate of the slab along the plane's normal.
+                let least = if axis > 0 {
+                    -10.0
+                } else if sign > 0.0 {
+                    7.0
+                } else {
+                    -9.0
+                };
+                for (beyond, is_drawn) in [(0.01, true), (-0.01, false), (-0.6, false)] {
+                    let view = ahead().with_clip_planes(&[Plane::new(normal, beyond - least)]);
+                    let (tiles, _) = draw(&level, &frame(&view.unwrap(), &level, Coverage::Conservative));
+                    assert_eq!(covered(&tiles) > 0, is_drawn, "{normal}: {beyond} within the plane");
+                }
+            }
+        }
+    }
+}

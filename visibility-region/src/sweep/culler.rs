@@ -205,8 +205,7 @@ impl ExtendedProjectionCuller {
     ) -> CullStats {
         let occluding = occluding(scene, visible);
         let mut stats = CullStats::default();
-        let extent = cell.max - cell.min;
-        let shortest = extent.min_position();
+        let shortest = (cell.max - cell.min).min_position();
         let (a, b) = ((shortest + 1) % 3, (shortest + 2) % 3);
         // Candidates that all sweeps so far have found hidden.
         let mut asked = visible.clone();
@@ -214,10 +213,7 @@ impl ExtendedProjectionCuller {
         for part in 0..each * each {
             let (mut min, mut max) = (cell.min, cell.max);
             for (axis, at) in [(a, part % each), (b, part / each)] {
-                // Neighbouring parts share their ends exactly, and the last part ends where the viewcell
-                // does.
-                let end = |at: u64| cell.min[axis] + extent[axis] * (at as f64 / f64::from(parts));
-                (min[axis], max[axis]) = (end(at), if at + 1 < each { end(at + 1) } else { cell.max[axis] });
+                [min[axis], max[axis]] = part_of([cell.min[axis], cell.max[axis]], at, each);
             }
             let mut left = asked.clone();
             stats += self.cull_behind(scene, &Viewcell::from_box(min, max), &occluding, &mut left, stop);
@@ -536,6 +532,13 @@ impl Job<'_> {
     }
 }
 
+/// Returns the ends of a part of a range that is divided into `parts`. Neighbouring parts share their ends
+/// exactly, and the last part ends where the range does.
+fn part_of([low, high]: [f64; 2], part: u64, parts: u64) -> [f64; 2] {
+    let end = |at: u64| low + (high - low) * (at as f64 / parts as f64);
+    [end(part), if part + 1 < parts { end(part + 1) } else { high }]
+}
+
 /// Encloses a viewcell in a box along the axes for which the box is small. `None` for a viewcell that is
 /// empty or not finite.
 fn cell_box(scene: &Scene, cell: &Viewcell, bounds: &Aabb) -> Option<CellBox> {
@@ -575,6 +578,112 @@ mod tests {
         assert!(culler.asked.len() > 50, "{} objects are asked upwards", culler.asked.len());
         assert!(culler.lists.iter().all(Vec::is_empty), "objects are listed for no other direction");
         assert!(work.done() >= 500 * ITEM, "{} ns for a list of 500 objects", work.done());
+    }
+
+    /// Returns a scene of cuboids that occlude.
+    fn walls(bounds: &[Aabb]) -> Scene {
+        let mut scene = Scene::new();
+        for bounds in bounds {
+            let id = scene.insert(Object { occluder: true, ..Object::new(*bounds) });
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(bounds).unwrap());
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        }
+        scene
+    }
+
+    #[test]
+    fn parts_of_a_range_share_their_ends_and_fill_it() {
+        for [low, high] in [[0.0, 1.0], [-0.1, 0.3], [-1e-9, 1e9], [0.7, 0.9], [-3e5, -1e-3]] {
+            for parts in [1, 2, 3, 7, 10, 1000] {
+                let ends = (0..parts).map(|part| part_of([low, high], part, parts)).collect::<Vec<_>>();
+                assert!(ends[0][0] == low && ends[ends.len() - 1][1] == high, "{low} to {high} in {parts}");
+                assert!(ends.windows(2).all(|two| two[0][1] == two[1][0]), "{low} to {high} in {parts}");
+            }
+        }
+    }
+
+    /// Occluders that come and go change the surfaces. Other objects do not.
+    #[test]
+    fn surfaces_follow_occluders() {
+        let mut scene = walls(&[Aabb::from_arrays([5.0; 3], [6.0; 3])]);
+        let wall = scene.ids().next().unwrap();
+        let mut culler = ExtendedProjectionCuller::new();
+        let mut triangles = |scene: &Scene| {
+            let before = culler.surfaces.stamp;
+            culler.sync(scene);
+            (culler.surfaces.triangles.len(), before != culler.surfaces.stamp)
+        };
+        assert_eq!(triangles(&scene), (12, true), "a wall");
+        let other = Object { occluder: true, ..Object::new(Aabb::from_arrays([8.0; 3], [9.0; 3])) };
+        let other = scene.insert(other);
+        assert_eq!(triangles(&scene), (12, false), "an object without a mesh has come");
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&Aabb::from_arrays([8.0; 3], [9.0; 3])).unwrap());
+        scene.set_mesh(other, mesh, Affine3A::IDENTITY).unwrap();
+        assert_eq!(triangles(&scene), (24, true), "an occluder has come");
+        scene.remove(wall).unwrap();
+        assert_eq!(triangles(&scene), (12, true), "an occluder has gone");
+    }
+
+    /// Posts far to the left and to the right behind a wall are hidden together, and from parts. A sweep that
+    /// is stopped before its end removes nothing from a viewcell in parts, nor does one from no parts.
+    #[test]
+    fn parts_hide_what_all_of_them_hide_once_they_are_swept() {
+        let post = |y: f32| Aabb::from_arrays([20.0, y, 0.0], [20.5, y + 0.5, 1.0]);
+        let mut scene = walls(&[Aabb::from_arrays([5.0, -40.0, -9.0], [5.2, 40.0, 9.0])]);
+        let wall = scene.ids().next().unwrap();
+        let posts = [-15.0, 0.0, 15.0].map(|y| scene.insert(post(y)));
+        let beside = scene.insert(Aabb::from_arrays([0.0, 20.0, 0.0], [1.0, 21.0, 1.0]));
+        let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+        let mut culler = ExtendedProjectionCuller::new();
+        let mut seen = |parts: Option<u32>, calls: usize| {
+            let (mut visible, made) = (VisibleSet::new(), core::cell::Cell::new(0));
+            let stop = || {
+                made.set(made.get() + 1);
+                made.get() > calls
+            };
+            match parts {
+                None => culler.cull_until(&scene, &cell, &mut visible, &stop),
+                Some(parts) => culler.cull_in_parts(&scene, &cell, parts, &mut visible, &stop),
+            };
+            (
+                [wall, beside].map(|id| visible.contains(&scene, id)),
+                posts.map(|id| visible.contains(&scene, id)),
+                made.get(),
+            )
+        };
+        for parts in [None, Some(1), Some(2)] {
+            let (walls, posts, calls) = seen(parts, usize::MAX);
+            assert_eq!((walls, posts), ([true; 2], [false; 3]), "in parts: {parts:?}");
+            for stopped in (0..calls).filter(|_| parts.is_some()) {
+                let (walls, posts, _) = seen(parts, stopped);
+                assert_eq!((walls, posts), ([true; 2], [true; 3]), "{parts:?} stopped after {stopped}");
+            }
+        }
+        assert_eq!(seen(Some(0), usize::MAX).1, [true; 3], "from no parts");
+    }
+
+    /// Objects that begin at a plane, up to the guard, are not tested on it.
+    #[test]
+    fn objects_at_a_plane_are_dropped() {
+        let scene = walls(&[Aabb::from_arrays([5.0; 3], [6.0; 3])]);
+        let viewcell = Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5));
+        let bounds = usable_bounds(&scene, &viewcell).unwrap();
+        let (cell_box, surfaces) = (cell_box(&scene, &viewcell, &bounds).unwrap(), Surfaces::default());
+        let all =
+            Occluders { scene: &scene, occluding: &Bits::EMPTY, surfaces: &surfaces, cell_box: &cell_box };
+        let direction = cell_box.direction(0);
+        let ask = Ask { occluding: &Bits::EMPTY, asked: Asked::All, stop: &|| false };
+        let job = Job { scene: &scene, ask: &ask, direction: &direction, all };
+        let scene_bounds = Aabb::from_arrays([5.0; 3], [6.0; 3]);
+        let child = Child::Object(scene.ids().next().unwrap());
+        let reach = 4.0 + direction.guard();
+        let mut bounds = direction.local_box(&scene_bounds);
+        for (at, is_kept) in [(4.0, false), (reach, false), (reach.next_up(), true)] {
+            bounds.lo.z = at;
+            let mut list = alloc::vec![Item { child, bounds, scene_bounds }];
+            job.drop_reached(4.0, &mut list, &mut CullStats::default());
+            assert_eq!(!list.is_empty(), is_kept, "an object at {at}, a plane at 4 with a guard to {reach}");
+        }
     }
 
     #[test]

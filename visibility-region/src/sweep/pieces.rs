@@ -375,23 +375,35 @@ mod tests {
     use visibility_core::geometry::Plane;
     use visibility_core::glam::{Affine3A, Vec3};
     use visibility_core::{Object, OccluderMesh, Scene, VisibleSet};
+    use visibility_testing::Random;
+
+    /// Returns a scene of occluders in scene coordinates.
+    fn scene_of(meshes: impl IntoIterator<Item = OccluderMesh>) -> Scene {
+        let mut scene = Scene::new();
+        for mesh in meshes {
+            let id = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
+            let mesh = scene.add_mesh(mesh);
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        }
+        scene
+    }
+
+    fn cube(min: [f32; 3], size: f32) -> OccluderMesh {
+        OccluderMesh::cuboid(&Aabb::from_arrays(min, min.map(|x| x + size))).unwrap()
+    }
 
     /// Returns the numbers of triangles and contour segments of each piece of a book. Its spine is a segment
-    /// that all pages share; half of them are on either side.
-    fn book(pages: usize) -> Vec<[usize; 2]> {
-        let mut scene = Scene::new();
+    /// that all pages share; so many of them are on either side.
+    fn book([right, left]: [usize; 2]) -> Vec<[usize; 2]> {
         let spine = [Vec3::new(5.0, 0.0, -1.0), Vec3::new(5.0, 0.0, 1.0)];
-        let page = |i: usize| {
-            let is_right = i.is_multiple_of(2);
+        let page = |i: usize, is_right: bool| {
             let across = if is_right { 1.0 } else { -1.0 };
             let corner = Vec3::new(5.0 + 0.01 * i as f32, across, 0.0);
             if is_right { [spine[0], spine[1], corner] } else { [spine[1], spine[0], corner] }
         };
-        let triangles: Vec<_> = (0..pages).map(page).collect();
-        let mesh = OccluderMesh::from_triangles(&triangles).unwrap();
-        let id = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
-        let mesh = scene.add_mesh(mesh);
-        scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        let triangles: Vec<_> =
+            (0..right).map(|i| page(2 * i, true)).chain((0..left).map(|i| page(2 * i + 1, false))).collect();
+        let scene = scene_of(OccluderMesh::from_triangles(&triangles));
         let viewcell = Viewcell::from_box(DVec3::splat(-0.1), DVec3::splat(0.1));
         let bounds = scene.culled_bounds().unwrap();
         let cell =
@@ -408,14 +420,148 @@ mod tests {
 
     #[test]
     fn a_segment_that_many_triangles_share_bounds_all_of_them() {
-        assert_eq!(book(2), [[2, 4]], "two triangles that share a segment");
+        assert_eq!(book([1; 2]), [[2, 4]], "two triangles that share a segment");
         assert_eq!(
-            book(2 * MAX_ON_SEGMENT),
+            book([MAX_ON_SEGMENT; 2]),
             [[2, 4]; MAX_ON_SEGMENT],
             "as many triangles as a segment may bound"
         );
-        let more = 2 * (MAX_ON_SEGMENT + 1);
-        assert_eq!(book(more), vec![[1, 3]; more], "more triangles than a segment may bound: {more}");
+        let more = MAX_ON_SEGMENT + 1;
+        for pages in [[more; 2], [more, 1], [1, more]] {
+            let all = pages[0] + pages[1];
+            assert_eq!(book(pages), vec![[1, 3]; all], "more triangles than a segment may bound: {pages:?}");
+        }
+    }
+
+    /// Returns the triangles, the contour and the bounds of each piece of all clusters, and whether it joins
+    /// parts. All objects of the scene occlude.
+    fn pieces_of(
+        pieces: &mut Pieces,
+        (scene, surfaces): (&Scene, &Surfaces),
+        effort: &Effort,
+        viewcell: &Viewcell,
+    ) -> Vec<(Vec<u32>, Vec<u32>, Aabb, bool)> {
+        let bounds = scene.culled_bounds().unwrap();
+        let extent = CellExtent::new(viewcell, DVec3::ZERO).unwrap();
+        let cell = CellBox::new(&extent, &bounds, DVec3::AXES).unwrap();
+        let occluding = crate::solids::occluding(scene, &VisibleSet::new());
+        pieces.begin(surfaces, effort, viewcell);
+        let mut all = Vec::new();
+        for cluster in 0..surfaces.cluster_count() {
+            for at in pieces.find(surfaces, cluster, &occluding, &cell) {
+                let Piece { bounds, joins, .. } = *pieces.get(at);
+                let (triangles, contour) = (pieces.triangles(pieces.get(at)), pieces.contour(pieces.get(at)));
+                all.push((triangles.to_vec(), contour.to_vec(), bounds, joins));
+            }
+        }
+        all
+    }
+
+    /// Pieces are kept from viewcell to viewcell. They are found anew for other surfaces, other limits, and
+    /// viewcells that are not within a box for which they hold.
+    #[test]
+    fn pieces_are_those_of_the_present_surfaces_limits_and_viewcell() {
+        let cells = [
+            [[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]],
+            [[-0.5, -0.5, -0.5], [10.5, 0.5, 0.5]],
+            [[9.5, -0.5, -0.5], [10.5, 0.5, 0.5]],
+            [[9.5, -0.5, -0.5], [10.5, 9.5, 0.5]],
+            [[9.5, 8.5, -0.5], [10.5, 9.5, 0.5]],
+        ]
+        .map(|[min, max]| Viewcell::from_box(DVec3::from(min), DVec3::from(max)));
+        // Triangles that face no viewcell, so that there is room for pieces that are kept.
+        let corner = |i: usize| Vec3::new(i as f32, (i * i) as f32, -99.0);
+        let below: Vec<_> = (1..200).map(|i| [corner(0), corner(i + 1), corner(i)]).collect();
+        // The second scene has the facings of the first one, at other places.
+        let scenes = [[4.0, 2.0, 2.0], [4.0, 2.25, 2.5], [4.0, 4.0, -9.0]].map(|[x, y, z]| {
+            let below = OccluderMesh::from_triangles(&below).unwrap();
+            scene_of([cube([x, y, z], 1.0), cube([x + 1.0, y, z], 1.0), below])
+        });
+        let surfaces = scenes.each_ref().map(Surfaces::new);
+        let efforts = [Effort::FULL, Effort { max_triangles: 3, ..Effort::FULL }];
+        let (mut random, mut kept, mut found) = (Random(1), Pieces::default(), 0);
+        for step in 0..400 {
+            // Mostly one of the three changes, or none.
+            let mut at = [0; 3];
+            at[random.below(3)] = random.below(5);
+            let (scene, effort, viewcell) = (at[0] % 3, &efforts[at[1] % 2], &cells[at[2]]);
+            let world = (&scenes[scene], &surfaces[scene]);
+            let fresh = pieces_of(&mut Pieces::default(), world, effort, viewcell);
+            assert_eq!(pieces_of(&mut kept, world, effort, viewcell), fresh, "step {step}: {at:?}");
+            found += fresh.len();
+        }
+        assert!(found > 1000, "{found} pieces");
+    }
+
+    /// Of two cubes that touch, three sides of each face the viewcell, and those that are turned away are
+    /// pieces too. Pieces have no more triangles than they may have.
+    #[test]
+    fn pieces_are_as_large_as_they_may_be() {
+        let scene = scene_of([cube([4.0, 2.0, 2.0], 1.0), cube([4.0, 3.0, 2.0], 1.0)]);
+        let surfaces = Surfaces::new(&scene);
+        let viewcell = Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5));
+        let sizes = |max_triangles: u32| -> Vec<usize> {
+            let effort = Effort { max_triangles, ..Effort::QUICK };
+            let pieces = pieces_of(&mut Pieces::default(), (&scene, &surfaces), &effort, &viewcell);
+            pieces.iter().map(|piece| piece.0.len()).collect()
+        };
+        assert_eq!(sizes(256), [6, 6, 6, 6, 12, 10], "fronts and backs of each cube, then of both");
+        assert_eq!(sizes(6)[..4], [6; 4], "as many triangles as each cube shows");
+        assert!(sizes(5).iter().all(|&size| size < 6), "less than each cube shows");
+    }
+
+    /// The backs of a solid occlude if the viewcell is outside of it by more than the errors of both.
+    #[test]
+    fn backs_of_a_solid_at_the_viewcell_do_not_occlude() {
+        let viewcell = Viewcell::from_box(-DVec3::ONE, DVec3::ONE);
+        let extent = CellExtent::new(&viewcell, DVec3::ZERO).unwrap();
+        let bounds = Aabb::new(Vec3::splat(-1e12), Vec3::splat(1e12));
+        let cell = CellBox::new(&extent, &bounds, DVec3::AXES).unwrap();
+        // The box around the viewcell is larger by an error.
+        for (errors, is_outside) in [(4.9, false), (5.1, true)] {
+            let x = 1.0 + (errors * cell.error()) as f32;
+            let scene = scene_of([cube([x, -450.0, -450.0], 900.0)]);
+            let (surfaces, mut pieces) = (Surfaces::new(&scene), Pieces::default());
+            let occluding = crate::solids::occluding(&scene, &VisibleSet::new());
+            pieces.begin(&surfaces, &Effort::FULL, &viewcell);
+            pieces.find(&surfaces, 0, &occluding, &cell);
+            let backs = pieces.facing.iter().filter(|&&facing| facing < 0).count();
+            assert_eq!(backs, if is_outside { 10 } else { 0 }, "{errors} errors away");
+        }
+    }
+
+    /// The back of a triangle occludes only if rays cannot pass through it.
+    #[test]
+    fn backs_that_rays_pass_do_not_occlude() {
+        let away = [Vec3::new(5.0, -1.0, -1.0), Vec3::new(5.0, 1.0, -1.0), Vec3::new(5.0, 0.0, 1.0)];
+        let viewcell = Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5));
+        for (two_sided, count) in [(false, 0), (true, 1)] {
+            let scene =
+                scene_of(OccluderMesh::from_triangles(&[away]).map(|mesh| mesh.with_two_sided(two_sided)));
+            let surfaces = Surfaces::new(&scene);
+            let pieces = pieces_of(&mut Pieces::default(), (&scene, &surfaces), &Effort::FULL, &viewcell);
+            assert_eq!(pieces.len(), count, "two-sided: {two_sided}");
+        }
+    }
+
+    /// The cluster in which an object was listed at first has no pieces any more.
+    #[test]
+    fn objects_that_are_listed_again_occlude_by_their_present_surfaces() {
+        let mut scene = scene_of([cube([4.0, 2.0, 2.0], 1.0)]);
+        let mut surfaces = Surfaces::default();
+        surfaces.list(&scene, 0);
+        surfaces.list(&scene, 0);
+        let viewcell = Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5));
+        let find = |scene: &Scene| {
+            let pieces = pieces_of(&mut Pieces::default(), (scene, &surfaces), &Effort::QUICK, &viewcell);
+            pieces.into_iter().flat_map(|piece| piece.0).collect::<Vec<u32>>()
+        };
+        let all = find(&scene);
+        assert!(all.len() == 12 && all.iter().all(|&t| t >= 12), "triangles of pieces: {all:?}");
+        // An object that may not be drawn does not occlude, although it is listed.
+        let id = scene.ids().next().unwrap();
+        scene.set_occluder(id, false).unwrap();
+        assert_eq!(find(&scene), [], "triangles of an object that is no occluder any more");
     }
 
     /// Walks past cubes. One of them occludes in every other viewcell only.

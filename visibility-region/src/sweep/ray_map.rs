@@ -273,8 +273,8 @@ mod tests {
                     && !map.all_set(PixelRect { y: [1, 2], ..rect }),
                 "{first} to {last}: the rows above and below are not set"
             );
-            // A single cleared pixel, in the first or the last column.
-            for hole in rect.x {
+            // A single cleared pixel, in the first, the last, or a column between.
+            for hole in [first, last, (first + last) / 2] {
                 let mut other = map.clone();
                 other.rows[2][hole / 64] &= !(1 << (hole % 64));
                 assert!(!other.all_set(rect), "{first} to {last}: with a hole at {hole}");

@@ -394,6 +394,145 @@ impl Surfaces {
 mod tests {
     use super::*;
     use visibility_core::{Object, OccluderMesh};
+    use visibility_testing::Random;
+
+    /// Returns a scene of occluders in scene coordinates.
+    fn scene_of(meshes: impl IntoIterator<Item = OccluderMesh>) -> Scene {
+        let mut scene = Scene::new();
+        for mesh in meshes {
+            let id = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
+            let mesh = scene.add_mesh(mesh);
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        }
+        scene
+    }
+
+    /// Segments of random triangles on a small grid are listed with all sides that run along them and no
+    /// others, and cover each side. Clusters are the objects that segments connect.
+    #[test]
+    fn segments_hold_the_sides_along_them_and_clusters_what_they_connect() {
+        let mut random = Random(1);
+        let (mut shared, mut apart) = (0, 0);
+        for round in 0..300 {
+            let mut meshes = Vec::new();
+            while meshes.len() < 6 {
+                let mut corner = || Vec3::from_array([0; 3].map(|_| random.below(3) as f32));
+                let triangles = [0; 2].map(|_| [corner(), corner(), corner()]);
+                meshes.extend(OccluderMesh::from_triangles(&triangles));
+            }
+            let surfaces = Surfaces::new(&scene_of(meshes));
+            let owner = |t: u32| surfaces.part(&surfaces.triangles[t as usize]).owner as usize;
+            let all_sides = || {
+                (0u32..).zip(&surfaces.triangles).flat_map(|(t, surface)| {
+                    (0..3).map(move |k| (t, surface.corners[k], surface.corners[(k + 1) % 3]))
+                })
+            };
+            let mut covered = alloc::vec![0.0; surfaces.triangles.len()];
+            let mut label: Vec<usize> = (0..6).collect();
+            for (at, &[p, q]) in surfaces.segments.iter().enumerate() {
+                let is_axial = [q.x != p.x, q.y != p.y, q.z != p.z].iter().filter(|&&x| x).count() == 1;
+                let mut expected: Vec<u32> = all_sides()
+                    .filter(|&(_, a, b)| {
+                        let on = |x: Vec3| {
+                            let share = (x - a).dot(b - a);
+                            (x - a).cross(b - a) == Vec3::ZERO
+                                && (0.0..=(b - a).length_squared()).contains(&share)
+                        };
+                        if is_axial { on(p) && on(q) } else { (a, b) == (p, q) || (a, b) == (q, p) }
+                    })
+                    .map(|(t, a, b)| 2 * t + u32::from((b - a).dot(q - p) > 0.0))
+                    .collect();
+                let mut listed = surfaces.sides(at).to_vec();
+                expected.sort_unstable();
+                listed.sort_unstable();
+                assert_eq!(listed, expected, "round {round}: sides on the segment {p} to {q}");
+                shared += usize::from(listed.len() > 1);
+                for side in &listed {
+                    covered[*side as usize / 2] += f64::from(p.distance(q));
+                    let [a, b] = [*side, listed[0]].map(|side| label[owner(side / 2)]);
+                    label.iter_mut().filter(|label| **label == a.max(b)).for_each(|label| *label = a.min(b));
+                }
+            }
+            for (surface, covered) in surfaces.triangles.iter().zip(covered) {
+                let [a, b, c] = surface.corners;
+                let around = f64::from(a.distance(b) + b.distance(c) + c.distance(a));
+                assert!(
+                    (around - covered).abs() < 1e-5,
+                    "round {round}: {covered} of {around} have segments"
+                );
+            }
+            for a in 0..6 {
+                let cluster = surfaces.cluster_of(a).unwrap();
+                let is_own = |b: usize| surfaces.cluster_of(b) == Some(cluster);
+                assert!((0..6).all(|b| is_own(b) == (label[a] == label[b])), "round {round}: {label:?}");
+                let own: Vec<u32> =
+                    (0..surfaces.triangles.len() as u32).filter(|&t| is_own(owner(t))).collect();
+                assert_eq!(surfaces.triangles_of(cluster), own, "round {round}: triangles of {cluster}");
+                let own: Vec<u32> = (0..surfaces.segments.len() as u32)
+                    .filter(|&at| is_own(owner(surfaces.sides(at as usize)[0] / 2)))
+                    .collect();
+                assert_eq!(surfaces.segments_of(cluster), own, "round {round}: segments of {cluster}");
+                let is_joined = (0..6).any(|b| b != a && is_own(b));
+                assert_eq!(surfaces.joins_objects(cluster), is_joined, "round {round}: objects of {cluster}");
+                apart += usize::from(!is_joined);
+            }
+        }
+        assert!(shared > 300 && apart > 100, "{shared} shared segments, {apart} objects alone");
+    }
+
+    /// Long and short sides along one line: segments are as many as sixteen for each side, or the line is not
+    /// cut.
+    #[test]
+    fn a_line_with_too_many_segments_is_not_cut() {
+        for (long, expected) in [(1, 31), (31, 31), (32, 32)] {
+            let apex = |i: usize| Vec3::new(7.0, 1.0 + i as f32, 3.0 + (i * i) as f32);
+            let ends = (0..31).map(|i| [i as f32, i as f32 + 1.0]).chain((0..long).map(|_| [0.0, 31.0]));
+            let triangles: Vec<Triangle> =
+                ends.enumerate().map(|(i, [a, b])| [Vec3::X * a, Vec3::X * b, apex(i)]).collect();
+            let surfaces = Surfaces::new(&scene_of(OccluderMesh::from_triangles(&triangles)));
+            let on_line = |ends: &&[Vec3; 2]| ends.iter().all(|p| p.y == 0.0 && p.z == 0.0);
+            assert_eq!(surfaces.segments.iter().filter(on_line).count(), expected, "{long} long sides");
+        }
+    }
+
+    #[test]
+    fn objects_are_joined_if_they_have_few_triangles_each() {
+        for (triangles, clusters) in [(WALL, 2), (WALL + 1, 0)] {
+            let fan = |at: f32, triangles: usize| {
+                let corner = |i: usize| Vec3::new(at, i as f32, (i * i) as f32);
+                let fan: Vec<Triangle> =
+                    (1..=triangles).map(|i| [corner(0), corner(i), corner(i + 1)]).collect();
+                OccluderMesh::from_triangles(&fan).unwrap()
+            };
+            let scene = scene_of([fan(0.0, triangles), fan(1.0, WALL)]);
+            assert_eq!(Surfaces::of_walls(&scene).cluster_count(), clusters, "{triangles} triangles");
+        }
+    }
+
+    /// The back of an open two-sided mesh occludes, that of a solid does from outside, and no other.
+    #[test]
+    fn backs_occlude_where_they_are_seen() {
+        let cube = || OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap();
+        let triangles: Vec<Triangle> = {
+            let cube = cube();
+            cube.triangles().iter().map(|t| t.map(|i| cube.positions()[i as usize])).collect()
+        };
+        let open = || OccluderMesh::from_triangles(&triangles[1..]).unwrap();
+        // The inner side of a cube is its front: it is closed, and no solid.
+        let turned: Vec<Triangle> = triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
+        let turned = || OccluderMesh::from_triangles(&turned).unwrap();
+        for (what, mesh, back) in [
+            ("a solid", cube(), Back::OfSolid),
+            ("a two-sided solid", cube().with_two_sided(true), Back::OfSolid),
+            ("open", open(), Back::Transparent),
+            ("open and two-sided", open().with_two_sided(true), Back::Opaque),
+            ("closed", turned(), Back::Transparent),
+            ("closed and two-sided", turned().with_two_sided(true), Back::Transparent),
+        ] {
+            let surfaces = Surfaces::new(&scene_of([mesh]));
+            assert!(surfaces.triangles.iter().all(|surface| surface.back == back), "{what}");
+        }
+    }
 
     #[test]
     fn an_object_that_is_listed_again_leaves_its_former_surfaces_unused() {
