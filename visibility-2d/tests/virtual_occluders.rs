@@ -266,6 +266,24 @@ fn what_floats_hides_nothing_on_the_ground() {
     assert_eq!(left(&scene, &cell(0.4), &mut culler).len(), 3, "viewpoints below the lower edge");
 }
 
+/// A blade 10 m long and high, of which the end is 2 cm wide and the edge has a notch of 20 cm. Its posts are
+/// half a metre inside of it, so a viewcell beside all posts may be in the blade.
+#[test]
+fn a_viewcell_in_a_solid_sees_what_its_posts_hide() {
+    let mesh = visibility_testing::notched_blade(2000.0, 0.01, 10.0, 0.2);
+    let mut scene = Scene::new();
+    let id = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
+    let mesh = scene.add_mesh(mesh);
+    scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+    let behind = scene.insert(Aabb::from_arrays([1999.95, 3.0, 50.0], [2000.05, 3.2, 50.2]));
+    for (z, is_seen) in [(0.1, true), (-0.1, true), (-4.0, false)] {
+        let [min, max] = [[1999.999, 3.0, z], [2000.001, 3.1, z + 0.2]].map(DVec3::from_array);
+        let cell = Viewcell::from_box(min, max);
+        let seen = left(&scene, &cell, &mut VirtualOccluderCuller::new(UpAxis::Y));
+        assert_eq!(seen.contains(&behind), is_seen, "seen from {z} on");
+    }
+}
+
 #[test]
 fn both_up_axes_and_any_origin_agree() {
     let mut counts = Vec::new();
