@@ -43,7 +43,8 @@ impl HalfEdge {
 ///
 /// Walls are closed segments without thickness. They may touch, cross, overlap, repeat and have zero length.
 /// Two walls that cross are split at an `f64` point within a few units of rounding of their crossing; apart
-/// from this, all answers are exact for the given wall ends. A rectangle around all walls bounds the plan.
+/// from this, all answers are exact for the given wall ends. Coordinates of walls and queries that are below
+/// 1e-40 in absolute value count as 0. A rectangle around all walls bounds the plan.
 ///
 /// Building takes expected time `n log n` in the number of walls, crossings and overlaps (pairs of a wall and
 /// a piece of another along which the wall lies). A query takes time proportional to the number of triangles
@@ -384,13 +385,16 @@ impl Plan {
         &self.walls_of_pieces[self.first_wall[piece] as usize..self.first_wall[piece + 1] as usize]
     }
 
-    /// Returns whether a wall along a half-edge stops lines of sight out of its triangle at all heights from
-    /// `low` to `high`.
+    /// Returns whether a wall along a half-edge stops lines of sight out of its triangle at all heights
+    /// strictly between `low` and `high`. If both are equal, whether it stops those at this height: not where
+    /// the wall's lower or upper end is at the same height.
     pub(crate) fn stops_between(&self, h: u32, [low, high]: [f64; 2]) -> bool {
         let piece = self.piece[h as usize];
         let stops = |&wall: &u32| {
             let wall = &self.walls[wall as usize];
-            wall.heights[0] <= low && high <= wall.heights[1] && wall.stops(self.ends(h))
+            let [of_wall, to_wall] = wall.heights;
+            let covers = of_wall <= low && high <= to_wall;
+            covers && (low < high || of_wall < low && high < to_wall) && wall.stops(self.ends(h))
         };
         piece != NONE && self.walls_of(piece).iter().any(stops)
     }

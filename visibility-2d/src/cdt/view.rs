@@ -19,8 +19,9 @@ pub struct PlanView {
     pub sector: Option<[[f64; 2]; 2]>,
     /// Heights of the eye and of its targets, in world units. `None` by default: all walls block. With
     /// heights, a wall only blocks if it extends at least from the lower to the upper of the two heights, and
-    /// so stops every line of sight between them. Targets visible over or under a wall are therefore never
-    /// left out. For walls that cover a part of the heights, use [`Plan::sees_at`].
+    /// so stops every line of sight between them. If the two heights are equal, a wall that begins or ends at
+    /// this height does not block. Targets visible over or under a wall are therefore never left out. For
+    /// walls that cover a part of the heights, use [`Plan::sees_at`].
     ///
     /// [`Plan::sees_at`]: super::Plan::sees_at
     pub heights: Option<[f64; 2]>,
