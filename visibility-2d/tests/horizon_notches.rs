@@ -37,8 +37,8 @@ fn a_box_seen_through_the_notch_of_a_blade_is_visible() {
 }
 
 /// An eye before the end of a blade, or in it, whose near plane is inside: the way to the box begins in the
-/// blade and leaves it through the back of a face. The posts, moved inside by more than the notch is deep, are
-/// beyond the near plane.
+/// blade and leaves it through the back of a face. The posts, moved inside by more than the notch is deep,
+/// are beyond the near plane.
 #[test]
 fn a_box_seen_from_inside_a_blade_is_visible() {
     let boxed = Aabb::from_arrays([1999.8, 50.0, 1.2], [2000.2, 50.4, 1.8]);

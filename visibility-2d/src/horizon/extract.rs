@@ -440,8 +440,8 @@ mod tests {
         assert!(off_at_all > 1_000, "{off_at_all} vertices are rounded");
     }
 
-    /// Posts of a mesh with a notch are inside of it: each vertex is within the solid's `moved` of a post, and
-    /// one is that far. Vertices of a convex mesh are its posts.
+    /// Posts of a mesh with a notch are inside of it: each vertex is within the solid's `moved` of a post,
+    /// and one is that far. Vertices of a convex mesh are its posts.
     #[test]
     fn posts_are_as_far_from_their_vertices_as_they_are_moved() {
         let stretched = Affine3A::from_scale_rotation_translation(

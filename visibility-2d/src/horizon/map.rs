@@ -258,8 +258,8 @@ mod tests {
         }
     }
 
-    /// A solid whose posts are inside of it hides nothing if its vertices may be before the near plane, though
-    /// its posts are beyond.
+    /// A solid whose posts are inside of it hides nothing if its vertices may be before the near plane,
+    /// though its posts are beyond.
     #[test]
     fn what_the_near_plane_may_cut_before_its_posts_hides_nothing() {
         for (error, moved, is_hidden) in [
