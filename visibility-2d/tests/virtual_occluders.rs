@@ -289,12 +289,12 @@ fn a_viewcell_in_a_solid_sees_what_its_posts_hide() {
 #[test]
 fn a_house_that_may_touch_the_viewcell_hides_nothing() {
     let at = Affine3A::from_translation(Vec3::new(1e6, 0.0, 0.0));
-    let house = Aabb::from_arrays([0.0, -50.0, 0.0], [4.0, 50.0, 9.0]);
+    let house = Aabb::from_arrays([0.0, -200.0, 0.0], [100.0, 200.0, 60.0]);
     let mut scene = Scene::new();
     let id = scene.insert(Object { occluder: true, ..Object::new(house.transformed(&at)) });
     let mesh = scene.add_mesh(OccluderMesh::cuboid(&house).unwrap());
     scene.set_mesh(id, mesh, at).unwrap();
-    let behind = scene.insert(Aabb::from_arrays([1e6 + 30.0, -1.0, 0.0], [1e6 + 31.0, 1.0, 2.0]));
+    let behind = scene.insert(Aabb::from_arrays([1e6 + 250.0, -1.0, 0.0], [1e6 + 251.0, 1.0, 2.0]));
     for (distance, is_seen) in [(0.0, true), (2.5e-9, true), (1e-8, false)] {
         let [min, max] = [DVec3::new(1e6 - 1.0, -0.5, 1.0), DVec3::new(1e6 - distance, 0.5, 2.0)];
         let seen = left(&scene, &Viewcell::from_box(min, max), &mut VirtualOccluderCuller::new(UpAxis::Z));
