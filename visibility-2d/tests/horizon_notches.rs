@@ -36,6 +36,22 @@ fn a_box_seen_through_the_notch_of_a_blade_is_visible() {
     assert_eq!(hidden(&mesh, identity, eye, DVec3::X, boxed(9.0)), [true; 2], "below the notch");
 }
 
+/// An eye before the end of a blade, or in it, whose near plane is inside: the way to the box begins in the
+/// blade and leaves it through the back of a face. The posts, moved inside by more than the notch is deep,
+/// are beyond the near plane.
+#[test]
+fn a_box_seen_from_inside_a_blade_is_visible() {
+    let boxed = Aabb::from_arrays([1999.8, 50.0, 1.2], [2000.2, 50.4, 1.8]);
+    for (notch, y, expected) in
+        [(0.2, 0.2, false), (0.2, -0.05, false), (0.0, -0.05, false), (0.0, -0.15, true)]
+    {
+        let mesh = notched_blade(2000.0, 0.01, 10.0, notch);
+        let eye = DVec3::new(2000.0, y, 1.5);
+        let found = hidden(&mesh, Affine3A::IDENTITY, eye, DVec3::Y, boxed);
+        assert_eq!(found, [expected; 2], "a notch of {notch}, seen from {y}");
+    }
+}
+
 /// A box 1 km long and 10 cm high, whose top is lowered halfway by a step of `f32` of its length, is squeezed
 /// to a length of 20 m and stretched to a height of 10 m.
 #[test]

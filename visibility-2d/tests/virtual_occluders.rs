@@ -266,6 +266,42 @@ fn what_floats_hides_nothing_on_the_ground() {
     assert_eq!(left(&scene, &cell(0.4), &mut culler).len(), 3, "viewpoints below the lower edge");
 }
 
+/// A blade 10 m long and high, of which the end is 2 cm wide and the edge has a notch of 20 cm. Its posts are
+/// half a metre inside of it, so a viewcell beside all posts may be in the blade.
+#[test]
+fn a_viewcell_in_a_solid_sees_what_its_posts_hide() {
+    let mesh = visibility_testing::notched_blade(2000.0, 0.01, 10.0, 0.2);
+    let mut scene = Scene::new();
+    let id = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
+    let mesh = scene.add_mesh(mesh);
+    scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+    let behind = scene.insert(Aabb::from_arrays([1999.95, 3.0, 50.0], [2000.05, 3.2, 50.2]));
+    for (z, is_seen) in [(0.1, true), (-0.1, true), (-4.0, false)] {
+        let [min, max] = [[1999.999, 3.0, z], [2000.001, 3.1, z + 0.2]].map(DVec3::from_array);
+        let cell = Viewcell::from_box(min, max);
+        let seen = left(&scene, &cell, &mut VirtualOccluderCuller::new(UpAxis::Y));
+        assert_eq!(seen.contains(&behind), is_seen, "seen from {z} on");
+    }
+}
+
+/// A house whose place is rounded by up to 2e-9 m, 1,000 km away, may touch a viewcell that is nearer than
+/// twice that.
+#[test]
+fn a_house_that_may_touch_the_viewcell_hides_nothing() {
+    let at = Affine3A::from_translation(Vec3::new(1e6, 0.0, 0.0));
+    let house = Aabb::from_arrays([0.0, -200.0, 0.0], [100.0, 200.0, 60.0]);
+    let mut scene = Scene::new();
+    let id = scene.insert(Object { occluder: true, ..Object::new(house.transformed(&at)) });
+    let mesh = scene.add_mesh(OccluderMesh::cuboid(&house).unwrap());
+    scene.set_mesh(id, mesh, at).unwrap();
+    let behind = scene.insert(Aabb::from_arrays([1e6 + 250.0, -1.0, 0.0], [1e6 + 251.0, 1.0, 2.0]));
+    for (distance, is_seen) in [(0.0, true), (2.5e-9, true), (1e-8, false)] {
+        let [min, max] = [DVec3::new(1e6 - 1.0, -0.5, 1.0), DVec3::new(1e6 - distance, 0.5, 2.0)];
+        let seen = left(&scene, &Viewcell::from_box(min, max), &mut VirtualOccluderCuller::new(UpAxis::Z));
+        assert_eq!(seen.contains(&behind), is_seen, "a viewcell {distance} m before the house");
+    }
+}
+
 #[test]
 fn both_up_axes_and_any_origin_agree() {
     let mut counts = Vec::new();

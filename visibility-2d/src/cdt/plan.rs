@@ -43,7 +43,8 @@ impl HalfEdge {
 ///
 /// Walls are closed segments without thickness. They may touch, cross, overlap, repeat and have zero length.
 /// Two walls that cross are split at an `f64` point within a few units of rounding of their crossing; apart
-/// from this, all answers are exact for the given wall ends. A rectangle around all walls bounds the plan.
+/// from this, all answers are exact for the given wall ends. Coordinates of walls and queries that are below
+/// 1e-40 in absolute value count as 0. A rectangle around all walls bounds the plan.
 ///
 /// Building takes expected time `n log n` in the number of walls, crossings and overlaps (pairs of a wall and
 /// a piece of another along which the wall lies). A query takes time proportional to the number of triangles

@@ -53,9 +53,10 @@ enum Stop {
 
 impl Plan {
     /// Returns whether `a` sees `b`: whether no wall stops the segment between them. Exact, and symmetric
-    /// unless one-way walls are in the way. A point on a wall sees both sides of the wall. A segment may
-    /// touch the end of a wall, and may run along a wall. Points outside the rectangle around the plan are
-    /// allowed. Takes time proportional to the number of triangles crossed.
+    /// unless one-way walls are in the way. Coordinates below 1e-40 in absolute value count as 0. A point on
+    /// a wall sees both sides of the wall. A segment may touch the end of a wall, and may run along a wall.
+    /// Points outside the rectangle around the plan are allowed. Takes time proportional to the number of
+    /// triangles crossed.
     ///
     /// ```
     /// use visibility_2d::cdt::{Plan, Wall};

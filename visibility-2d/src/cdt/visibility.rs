@@ -123,10 +123,11 @@ impl Plan {
     /// counts as seen if it overlaps a triangle of which a part is seen, and reaches into the cone of
     /// directions in which that part is seen.
     ///
-    /// Cones of sight have a width and end at walls. So two kinds of objects are not listed although
+    /// Cones of sight have a width and end at walls. So three kinds of objects may not be listed although
     /// [`sees`](Self::sees) is true for a point of them: those seen only along one line that touches the ends
-    /// of two walls, one on its left and one on its right; and those that touch a wall from behind and are
-    /// not seen elsewhere.
+    /// of two walls, one on its left and one on its right; those with an area that lie in the shadow of a
+    /// wall and only touch the line of sight past the wall's end; and those that touch a wall from behind and
+    /// are not seen elsewhere.
     ///
     /// # Errors
     /// The errors of [`look`](Self::look), and [`PlanError::Objects`] if the objects are of another plan. The

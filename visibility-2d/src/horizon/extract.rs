@@ -43,6 +43,9 @@ pub(crate) struct Solid {
     pub(crate) count: u32,
     /// Bound on the distance in metres of each post from a point of the exact solid.
     pub(crate) error: f64,
+    /// Greatest distance in metres, rounded, between a vertex of the mesh and the post that stands for it:
+    /// the posts of a mesh with notches are inside of the solid. 0 for prisms and walls.
+    pub(crate) moved: f64,
     /// Height in metres below which the eye must not be, because the solid has no face there. Negative
     /// infinity for a closed solid.
     pub(crate) open_below: f64,
@@ -94,18 +97,22 @@ impl Solids {
         if mesh.positions().len() <= MAX_POSTS {
             let Some(kernel) = Kernel::new(mesh) else { return };
             let first = self.posts.len();
-            let mut size = 0.0f64;
-            for vertex in 0..mesh.positions().len() as u32 {
-                let Some(p) = kernel.nearest(vertex) else {
+            let (mut size, mut moved) = (0.0f64, 0.0f64);
+            for (vertex, at) in (0u32..).zip(mesh.positions().iter().map(|p| p.as_dvec3())) {
+                let Some(inside) = kernel.nearest(vertex) else {
                     self.posts.truncate(first);
                     return;
                 };
-                let (p, by) = placed(p, transform);
+                let (p, by) = placed(inside, transform);
                 size = size.max(by);
+                if inside != at {
+                    let (at, by) = placed(at, transform);
+                    (size, moved) = (size.max(by), moved.max(p.distance(at)));
+                }
                 let [x, y, z] = up.split(p);
                 self.add_post(first, Post { x, y, low: z, high: z });
             }
-            self.finish(first, transform, size, Shape::Convex, f64::NEG_INFINITY);
+            self.finish(first, transform, [size, moved], Shape::Convex, f64::NEG_INFINITY);
         }
     }
 
@@ -122,12 +129,13 @@ impl Solids {
     }
 
     /// Adds the solid of the posts from index `first` on. Drops these posts if there are fewer than two or
-    /// one is not finite. `size` is the greatest sum of magnitudes that [`placed`] returned for these posts.
+    /// one is not finite. `size` is the greatest sum of magnitudes that [`placed`] returned for these posts
+    /// and their vertices, `moved` the greatest distance between the two.
     pub(crate) fn finish(
         &mut self,
         first: usize,
         transform: &Affine3A,
-        size: f64,
+        [size, moved]: [f64; 2],
         shape: Shape,
         open_below: f64,
     ) {
@@ -142,7 +150,7 @@ impl Solids {
         let error = rounding(transform, size);
         let face = face(&self.posts[first..]);
         let (first, count) = (first as u32, count as u32);
-        self.solids.push(Solid { shape, first, count, error, open_below, face });
+        self.solids.push(Solid { shape, first, count, error, moved, open_below, face });
     }
 
     /// Removes solids, from index `begin` on, whose upright face is smaller than [`MIN_FACE`] of the largest
@@ -244,7 +252,7 @@ impl Solids {
         }
         let first = self.posts.len();
         self.posts.extend(hull.iter().map(|p| Post { x: p[0], y: p[1], low, high }));
-        self.finish(first, transform, size, Shape::Convex, low);
+        self.finish(first, transform, [size, 0.0], Shape::Convex, low);
         Some(())
     }
 }
@@ -432,6 +440,36 @@ mod tests {
         assert!(off_at_all > 1_000, "{off_at_all} vertices are rounded");
     }
 
+    /// Posts of a mesh with a notch are inside of it: each vertex is within the solid's `moved` of a post,
+    /// and one is that far. Vertices of a convex mesh are its posts.
+    #[test]
+    fn posts_are_as_far_from_their_vertices_as_they_are_moved() {
+        let stretched = Affine3A::from_scale_rotation_translation(
+            Vec3::new(1.0, 2.0, 0.5),
+            visibility_core::glam::Quat::from_rotation_z(0.3),
+            Vec3::new(40.0, 0.0, 0.0),
+        );
+        for transform in [Affine3A::IDENTITY, stretched] {
+            for (notch, most) in [(0.0, 0.0), (0.5, 9.0)] {
+                let mesh = visibility_testing::notched_blade(0.0, 1.0, 20.0, notch);
+                let mut solids = Solids::default();
+                solids.add_convex(&mesh, &transform, UpAxis::Z);
+                let solid = solids.solids[0];
+                let far = |vertex: &Vec3| {
+                    let at = placed(vertex.as_dvec3(), &transform).0;
+                    let to = |p: &Post| DVec3::new(p.x, p.y, at.z.clamp(p.low, p.high)).distance(at);
+                    solids.posts(&solid).iter().map(to).fold(f64::INFINITY, f64::min)
+                };
+                let farthest = mesh.positions().iter().map(far).fold(0.0, f64::max);
+                assert_eq!(solid.moved, farthest, "a notch of {notch} under {transform:?}");
+                let sizes = mesh.positions().iter().map(|p| placed(p.as_dvec3(), &transform).1);
+                let least = rounding(&transform, sizes.fold(0.0, f64::max));
+                assert!(solid.error >= least, "a notch of {notch}: the error {} of vertices", solid.error);
+                assert!(farthest <= most && (notch == 0.0 || farthest > 0.1), "a notch of {notch}");
+            }
+        }
+    }
+
     /// Vertices over each other are one post, from the lowest to the highest; others are posts of their own.
     #[test]
     fn vertices_over_each_other_are_one_post() {
@@ -454,7 +492,7 @@ mod tests {
             let mut solids = Solids::default();
             solids.posts.extend([good]);
             solids.posts.extend(posts);
-            solids.finish(1, &Affine3A::IDENTITY, 9.0, Shape::Convex, 0.0);
+            solids.finish(1, &Affine3A::IDENTITY, [9.0, 0.0], Shape::Convex, 0.0);
             (solids.solids.first().map(|solid| (solid.first, solid.count, solid.error)), solids.posts.len())
         };
         assert_eq!(finish(&[good, good]), (Some((1, 2, 0.0)), 3), "two posts, not off under the identity");

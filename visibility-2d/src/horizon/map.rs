@@ -23,8 +23,9 @@ const MAX_COLUMNS: usize = 1 << 14;
 /// Occlusion map for scenes of upright solids. For each of about a thousand directions on the plan, it stores
 /// up to which height, and from which distance on, everything is hidden.
 ///
-/// Suits cities, walls and trunks. All convex solids occlude, and prisms without a floor; other meshes hide
-/// nothing. Conservative. In a parallel view nothing is hidden.
+/// Suits cities, walls and trunks. Convex meshes and convex parts of meshes with at most 32 vertices occlude;
+/// those with more hide nothing. Of other meshes, prisms without a floor and upright walls occlude, as in
+/// [`HorizonOccluders`](super::HorizonOccluders). Conservative. In a parallel view nothing is hidden.
 ///
 /// [`OcclusionCuller`](visibility_core::OcclusionCuller) can use the map over any hierarchy, and chooses
 /// occluders by their cost. [`HorizonCuller`](super::HorizonCuller) uses the scene's own hierarchy and
@@ -101,8 +102,11 @@ impl Horizon {
     pub(crate) fn add_solid(&mut self, solid: &Solid, posts: &[Post]) {
         let frame = &self.frame;
         let doubt = 2.0 * (frame.error + solid.error);
+        // Lines of sight begin outside of a solid if all its vertices are beyond the near plane. Posts may be
+        // inside of the solid, as far from the vertices as `moved`.
+        let radius = solid.error + solid.moved;
         let is_beyond_near = |post: &Post| {
-            let is_beyond = |height| frame.is_beyond_near([post.x, post.y, height], solid.error);
+            let is_beyond = |height| frame.is_beyond_near([post.x, post.y, height], radius);
             is_beyond(post.low) && (post.high == post.low || is_beyond(post.high))
         };
         match solid.shape {
@@ -207,7 +211,7 @@ mod tests {
     }
 
     fn solid(shape: Shape, error: f64, open_below: f64) -> Solid {
-        Solid { shape, first: 0, count: 4, error, open_below, face: 1.0 }
+        Solid { shape, first: 0, count: 4, error, moved: 0.0, open_below, face: 1.0 }
     }
 
     /// Posts of a wall, or of a solid, whose near side is `x` metres away.
@@ -251,6 +255,24 @@ mod tests {
                 horizon.add_solid(&solid(shape, error, f64::NEG_INFINITY), posts);
                 assert_eq!(hides(&horizon), is_hidden, "{shape:?} at {x}, off by {error}");
             }
+        }
+    }
+
+    /// A solid whose posts are inside of it hides nothing if its vertices may be before the near plane,
+    /// though its posts are beyond.
+    #[test]
+    fn what_the_near_plane_may_cut_before_its_posts_hides_nothing() {
+        for (error, moved, is_hidden) in [
+            (0.0, 0.0, true),
+            (0.0, 0.49, true),
+            (0.0, 0.51, false),
+            (0.01, 0.48, true),
+            (0.01, 0.495, false),
+        ] {
+            let mut horizon = horizon();
+            let solid = Solid { moved, ..solid(Shape::Convex, error, f64::NEG_INFINITY) };
+            horizon.add_solid(&solid, &posts(2.0, [-50.0, 90.0]));
+            assert_eq!(hides(&horizon), is_hidden, "posts off by {error}, and inside by {moved}");
         }
     }
 

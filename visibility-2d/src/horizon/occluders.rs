@@ -20,8 +20,9 @@ const MIN_FACE: f64 = 1.0 / 8.0;
 /// Convex solids of a scene's occluders, made in advance from the occluder meshes, for
 /// [`HorizonCuller`](super::HorizonCuller). Shared by the cullers of all views.
 ///
-/// Solids are closed convex meshes or convex parts of meshes, and upright prisms that are open at the bottom,
-/// such as the houses of city models. In other meshes, chains of upright panels are walls; a panel is two
+/// Solids are closed convex meshes or convex parts of meshes, of at most 32 vertices each, and upright prisms
+/// of at most 32 sides that are open at the bottom, such as the houses of city models. Convex meshes and
+/// parts with more vertices hide nothing. In other meshes, chains of upright panels are walls; a panel is two
 /// triangles whose corners lie over two points of the plan. Triangles that face up and join at edges are
 /// ground, which may belong to many objects; its hills occlude. All other triangles hide nothing. An occluder
 /// that has changed since the last [`sync`](Self::sync) hides nothing until the next one. Ground that has

@@ -96,7 +96,7 @@ impl Solids {
                 }
             }
             let shape = Shape::Wall { two_sided: mesh.is_two_sided() };
-            self.finish(first, transform, size, shape, f64::NEG_INFINITY);
+            self.finish(first, transform, [size, 0.0], shape, f64::NEG_INFINITY);
         }
     }
 }

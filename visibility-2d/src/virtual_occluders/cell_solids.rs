@@ -202,7 +202,9 @@ impl CellSolids {
             }));
             let ring = &self.posts[first..];
             // A solid that may touch the viewcell, or that is below the highest eye, hides nothing.
-            if !is_apart(ring, &corners) || ring.iter().all(|post| post.slope < 0.0) {
+            // Twice the distance of vertices from posts holds its rounding.
+            let doubt = 2.0 * (solid.error + solid.moved);
+            if !is_apart(ring, doubt, &corners) || ring.iter().all(|post| post.slope < 0.0) {
                 self.posts.truncate(first);
                 continue;
             }
@@ -275,16 +277,17 @@ impl CellSolids {
     }
 }
 
-/// Returns whether the ring and the viewcell are certainly separate on the plan: whether a side of either
-/// separates them.
-fn is_apart(ring: &[Post], corners: &[Point; 4]) -> bool {
+/// Returns whether a solid and the viewcell are certainly separate on the plan: whether a side of the ring or
+/// the viewcell separates the viewcell from all points within `doubt` metres of the ring.
+fn is_apart(ring: &[Post], doubt: f64, corners: &[Point; 4]) -> bool {
+    let at = |post: &Post| Point { error: doubt, ..post.at };
     let next = |i: usize| if i + 1 == ring.len() { 0 } else { i + 1 };
     let beside_cell = |i: usize| {
         let (a, b) = (corners[i], corners[(i + 1) % 4]);
-        ring.iter().all(|post| left_of(b, a, post.at) > 0.0)
+        ring.iter().all(|post| left_of(b, a, at(post)) > 0.0)
     };
     let beside_ring = |i: usize| {
-        let (a, b) = (ring[i].at, ring[next(i)].at);
+        let (a, b) = (at(&ring[i]), at(&ring[next(i)]));
         corners.iter().all(|&corner| left_of(b, a, corner) > 0.0)
     };
     (0..4).any(beside_cell) || (0..ring.len()).any(beside_ring)

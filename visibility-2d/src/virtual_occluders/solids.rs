@@ -25,6 +25,8 @@ pub(crate) struct PlanSolid {
     /// Bound in metres on the distance between each post and a point of the exact solid. 0 if the hull of the
     /// posts is inside the solid.
     pub(crate) error: f64,
+    /// Greatest distance in metres, rounded, between a vertex of the solid and the post that stands for it.
+    pub(crate) moved: f64,
     /// Least corner of the bounds on the plan, in metres.
     pub(crate) min: [f64; 2],
     /// Greatest corner of the bounds on the plan, in metres.
@@ -63,12 +65,12 @@ impl PlanSolids {
             found.clear();
             found.add_mesh(mesh, transform, self.up, false);
             for solid in &found.solids {
-                self.add(id.index() as u32, found.posts(solid), solid.error, &mut plan);
+                self.add(id.index() as u32, found.posts(solid), [solid.error, solid.moved], &mut plan);
             }
         }
     }
 
-    fn add(&mut self, object: u32, posts: &[Post], error: f64, plan: &mut Vec<[f64; 2]>) {
+    fn add(&mut self, object: u32, posts: &[Post], [error, moved]: [f64; 2], plan: &mut Vec<[f64; 2]>) {
         plan.clear();
         plan.extend(posts.iter().map(|post| [post.x, post.y]));
         plan.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
@@ -87,6 +89,7 @@ impl PlanSolids {
             first: first as u32,
             count: (self.posts.len() - first) as u32,
             error,
+            moved,
             min: [fold(f64::min, f64::INFINITY, |p| p.x), fold(f64::min, f64::INFINITY, |p| p.y)],
             max: [fold(f64::max, f64::NEG_INFINITY, |p| p.x), fold(f64::max, f64::NEG_INFINITY, |p| p.y)],
             high: fold(f64::max, f64::NEG_INFINITY, |p| p.high),
