@@ -175,6 +175,7 @@ impl CellFrustum {
     /// side of the plane, to which `normal` points (for a parallel view: the rays certainly enter through the
     /// face). True for an eye in the plane and for NaN.
     #[inline]
+    #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "`!(a < b)` also holds for NaN")]
     pub(crate) fn may_exit_through(&self, point: DVec3, normal: DVec3) -> bool {
         match self.eye {
             Eye::Point(eye) => !(normal.dot(point - eye) < self.exit_margin),
@@ -512,6 +513,21 @@ mod tests {
             below += u32::from(normal.dot(point - eye) < 0.0);
         }
         assert!(below > 5_000, "{below} faces seem to be on the wrong side");
+    }
+
+    /// Nothing is known of a face at NaN, nor of an eye.
+    #[test]
+    fn faces_at_nan_are_exits() {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let window = Window::centered(1.0, 1.0);
+        let views = [View::perspective(pose, 1.0, 1.0, 0.1, 9.0), View::orthographic(pose, window, 0.0, 9.0)];
+        for view in views.map(Result::unwrap) {
+            let mut frustum = CellFrustum::new(&view, DVec3::ZERO, &Aabb::from_arrays([-1.0; 3], [1.0; 3]));
+            let point = DVec3::new(-1.0, 0.0, 0.0);
+            assert!(frustum.may_exit_through(point, DVec3::NAN), "a face at NaN of {view:?}");
+            frustum.exit_margin = f64::NAN;
+            assert!(frustum.may_exit_through(point, DVec3::NEG_X), "an eye at NaN of {view:?}");
+        }
     }
 
     /// Boxes between the eye and the near plane are passed by view rays.
