@@ -355,3 +355,32 @@ pub(super) fn renumber_leaves(
         .filter_map(|(polygon, [a, b])| Some((polygon, [numbers[a as usize]?, numbers[b as usize]?])));
     (count, portals.collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With a tolerance of 0.1 m, a back 0.04 m wide is no leak of a piece of a portal, but for a piece that is
+    /// as narrow: the next pieces may leak as well.
+    #[test]
+    fn narrow_backs_leak_where_they_are_half_of_a_piece() {
+        let lengths = Lengths::new(0.1, 10.0);
+        let strip = |width: f64| {
+            [[0.0, 0.0], [width, 0.0], [width, 3.0], [0.0, 3.0]].map(|[y, z]| DVec3::new(0.0, y, z)).to_vec()
+        };
+        let [front, back] = [0, 1].map(Child::Leaf);
+        let plane = Plane::new(DVec3::X, 0.0);
+        let node = Node { plane, parent: None, front, back, covers: Vec::new() };
+        for (piece, back, is_leak) in
+            [(1.0, 0.04, false), (1.0, 0.06, true), (0.04, 0.04, true), (0.04, 0.015, false)]
+        {
+            let cover = NodeCover { vertices: strip(back), faces_front: true, one_sided: true };
+            let [covers, exact] =
+                [lengths.widen, 0.0].map(|by| alloc::vec![Cover::new(&cover, &node, by, &lengths)]);
+            let found = leaks(&strip(piece), &covers, &exact, false, DVec3::X, &lengths);
+            assert_eq!(found, is_leak, "a back {back} m wide in a piece {piece} m wide");
+            let found = leaks(&strip(piece), &covers, &exact, true, DVec3::X, &lengths);
+            assert!(!found, "a front {back} m wide in a piece {piece} m wide");
+        }
+    }
+}
