@@ -553,6 +553,47 @@ fn an_object_far_away_that_has_gone_hides_nothing_nearby() {
     }
 }
 
+/// Beyond an oblique near plane, depths beside the image are less than any in the image. The occluder has a
+/// corner there, and its image ends beside that of the object.
+#[test]
+fn corners_beside_an_oblique_near_plane_cover_what_they_cover() {
+    let rows = [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [1.0, 0.9, 0.0, -1.0], [1.0, 0.0, 0.0, 0.0]];
+    let matrix = DMat4::from_cols_array_2d(&rows).transpose();
+    let view = View::from_clip_from_world(matrix, Depth::ZeroToOneInfinite).unwrap();
+    let mut scene = Scene::new();
+    add(&mut scene, &[[[2.0, 0.0, 1.8], [0.25, 0.9375, 0.5], [2.0, 0.0, 7.0]].map(Vec3::from)], true);
+    let behind = [[10.0, 9.0, 9.5], [10.0, 9.01, 9.5], [10.0, 9.0, 9.51]].map(Vec3::from);
+    let behind = add(&mut scene, &[behind], false);
+    let found = reported(&mut NaylorCuller::new(SceneTree::new(&scene).unwrap()), &scene, &view);
+    assert!(found.contains(&(behind.index() as u32)), "the triangle beside the occluder: {found:?}");
+}
+
+/// Surfaces nearer to the near plane than rounding tells, in a world that is 1e5 m wide: what is a tenth of a
+/// nanometre before the near plane hides nothing, and what is as much beyond it is seen.
+#[test]
+fn what_may_be_on_either_side_of_the_near_plane_hides_nothing_and_is_seen() {
+    let near = |eye: f64| {
+        let eye = DVec3::X * eye;
+        View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 1.0, 1.0, 0.1, f64::INFINITY).unwrap()
+    };
+    for wall in [square(0.1, 9.0), square(0.1, 9.0).map(|t| [t[0], t[2], t[1]])] {
+        let mut scene = Scene::new();
+        add(&mut scene, &wall, true);
+        let far = add(&mut scene, &square(1e5, 1e4), true);
+        let found = reported(&mut NaylorCuller::new(SceneTree::new(&scene).unwrap()), &scene, &near(1.6e-9));
+        assert!(found.contains(&(far.index() as u32)), "what is behind a wall before the near plane");
+        let found = reported(&mut NaylorCuller::new(SceneTree::new(&scene).unwrap()), &scene, &near(-1e-9));
+        assert!(!found.contains(&(far.index() as u32)), "what is behind a wall 2 nm beyond the near plane");
+    }
+    let mut scene = Scene::new();
+    let below = 0.1f32.next_down();
+    let tip = [[0.1, 0.0, 0.02], [below, -0.02, -0.02], [below, 0.02, -0.02]].map(Vec3::from);
+    let tip = add(&mut scene, &[tip], true);
+    add(&mut scene, &square(1e5, 1e4), true);
+    let found = reported(&mut NaylorCuller::new(SceneTree::new(&scene).unwrap()), &scene, &near(1.39e-9));
+    assert!(found.contains(&(tip.index() as u32)), "a tip beyond the near plane: {found:?}");
+}
+
 /// A sheared parallel camera, whose image is known to 5e-9 and whose direction is not: which of two walls
 /// comes first is decided by a plane almost along the rays, on the wrong side of which the computed direction
 /// is.

@@ -10,6 +10,9 @@ use visibility_core::{
     view::{Eye, MAX_PLANES, ViewPlane, ViewProjection},
 };
 
+/// Slot of the near plane in [`ViewPlanes`](visibility_core::view::ViewPlanes::by_slot).
+const NEAR: u8 = 4;
+
 /// Half-space `normal . p + offset >= 0`, with a bound on the rounding error of that signed distance.
 #[derive(Clone, Copy, Debug)]
 struct BoundedPlane {
@@ -65,6 +68,9 @@ pub(crate) struct CellFrustum {
     /// Bound on the error of `eye`: in metres for a point; for a direction, the length of the difference of
     /// unit vectors. Infinite where rounding leaves the eye undecided.
     pub(crate) eye_error: f64,
+    /// False for an eye point that is not finite, or whose error is not below half of its distance from the
+    /// near plane. Its cell may then be another than that of the exact eye, with things in view between.
+    knows_eye: bool,
     /// View planes; only the first `count` are valid.
     planes: [BoundedPlane; MAX_PLANES],
     /// Number of planes of the view: the valid entries of `planes`.
@@ -93,11 +99,20 @@ impl CellFrustum {
             // The cosine of two unit vectors has an error of a few times 2^-52, beside that of the direction.
             Eye::Direction(_) => -1e-9 - eye_error,
         };
+        let sides = view.planes(origin);
+        let knows_eye = match eye {
+            Eye::Point(eye) => sides.by_slot().any(|(slot, near)| {
+                let distance = -near.plane.signed_distance(eye);
+                slot == NEAR && eye_error < 0.5 * (distance - near.error)
+            }),
+            // Tests of boxes reckon with rays of any direction within the error.
+            Eye::Direction(_) => true,
+        };
         let none = BoundedPlane { normal: DVec3::ZERO, offset: 0.0, slack: 0.0 };
         let planes = [none; MAX_PLANES];
-        let mut frustum = Self { eye, eye_error, planes, count: 0, side_count: 0, exit_margin };
+        let mut frustum = Self { eye, eye_error, knows_eye, planes, count: 0, side_count: 0, exit_margin };
         for with_eye_inside in [true, false] {
-            for plane in view.planes(origin).as_slice() {
+            for plane in sides.as_slice() {
                 let mut bounded = BoundedPlane::new(plane, reach);
                 // The products and sums of a signed distance are rounded by less than 1e-15 of their
                 // magnitudes. The error of the plane's own offset adds to this.
@@ -130,6 +145,12 @@ impl CellFrustum {
         frustum
     }
 
+    /// Returns whether the cell of the computed eye stands for that of the exact eye: no visible point is
+    /// between both. True for parallel views, which begin at the boundary.
+    pub(crate) fn knows_eye(&self) -> bool {
+        self.knows_eye
+    }
+
     /// Classifies a scene-relative box. Conservative: [`CellPlace::Outside`] and cleared bits of
     /// [`CellPlace::Crossing`] are certain. A box with NaN coordinates crosses all planes.
     #[inline]
@@ -152,12 +173,13 @@ impl CellFrustum {
     /// Tests whether view rays may leave a cell through a face. `point` is a scene-relative point of the
     /// face's plane, and `normal` the outward unit normal. False only if the eye is certainly on the outer
     /// side of the plane, to which `normal` points (for a parallel view: the rays certainly enter through the
-    /// face). True for an eye in the plane; false for NaN.
+    /// face). True for an eye in the plane and for NaN.
     #[inline]
+    #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "`!(a < b)` also holds for NaN")]
     pub(crate) fn may_exit_through(&self, point: DVec3, normal: DVec3) -> bool {
         match self.eye {
-            Eye::Point(eye) => normal.dot(point - eye) >= self.exit_margin,
-            Eye::Direction(along) => normal.dot(along) >= self.exit_margin,
+            Eye::Point(eye) => !(normal.dot(point - eye) < self.exit_margin),
+            Eye::Direction(along) => !(normal.dot(along) < self.exit_margin),
         }
     }
 
@@ -491,6 +513,21 @@ mod tests {
             below += u32::from(normal.dot(point - eye) < 0.0);
         }
         assert!(below > 5_000, "{below} faces seem to be on the wrong side");
+    }
+
+    /// Nothing is known of a face at NaN, nor of an eye.
+    #[test]
+    fn faces_at_nan_are_exits() {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let window = Window::centered(1.0, 1.0);
+        let views = [View::perspective(pose, 1.0, 1.0, 0.1, 9.0), View::orthographic(pose, window, 0.0, 9.0)];
+        for view in views.map(Result::unwrap) {
+            let mut frustum = CellFrustum::new(&view, DVec3::ZERO, &Aabb::from_arrays([-1.0; 3], [1.0; 3]));
+            let point = DVec3::new(-1.0, 0.0, 0.0);
+            assert!(frustum.may_exit_through(point, DVec3::NAN), "a face at NaN of {view:?}");
+            frustum.exit_margin = f64::NAN;
+            assert!(frustum.may_exit_through(point, DVec3::NEG_X), "an eye at NaN of {view:?}");
+        }
     }
 
     /// Boxes between the eye and the near plane are passed by view rays.

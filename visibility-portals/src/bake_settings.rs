@@ -4,6 +4,10 @@ use crate::directed_portals::{DirectedPortals, Margins};
 use core::fmt;
 use visibility_core::cells::CellGraph;
 
+/// Version of the baking methods, a part of the fingerprints of saved bakes. It is increased with each change
+/// of the methods, so that a bake that earlier methods began is not resumed.
+pub(crate) const METHODS: u32 = 1;
+
 /// Settings of [`CellBaker`](crate::CellBaker) and [`ObjectBaker`](crate::ObjectBaker): the clearance of
 /// lines, the limit of steps, and the tests used.
 #[derive(Clone, Copy, PartialEq, Debug)]

@@ -4,7 +4,7 @@
 //! proven hidden is removed from the candidates in both directions at once, since every line can be walked
 //! both ways.
 
-use crate::bake_settings::{BakeError, BakerSettings, ChainTest, prepare};
+use crate::bake_settings::{BakeError, BakerSettings, ChainTest, METHODS, prepare};
 use crate::cell_matrix::CellMatrix;
 use crate::directed_portals::DirectedPortals;
 use crate::portal_chain::CellFlood;
@@ -236,7 +236,7 @@ impl Baker for CellBaker {
 
     fn fingerprint(&self) -> u64 {
         let numbers = self.portals.numbers().chain(self.settings.numbers());
-        numbers.fold(Fingerprint::new(), Fingerprint::with_u64).value()
+        numbers.fold(Fingerprint::new().with(METHODS), Fingerprint::with_u64).value()
     }
 
     fn save(&self, state: &mut Writer) {
@@ -277,5 +277,22 @@ fn candidates(portals: &DirectedPortals, source: u32, flood: &mut CellFlood, row
                 flood.reach(other.to);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fingerprint_is_of_the_methods() {
+        let map = "PRT1\n2\n1\n4 0 1 (0 0 0) (0 1 0) (0 1 1) (0 0 1)\n";
+        let graph = crate::prt::read(map).unwrap().graph;
+        let baker = CellBaker::new(&graph, BakerSettings::default()).unwrap();
+        let numbers = baker.portals.numbers().chain(baker.settings.numbers());
+        let numbers: Vec<u64> = numbers.collect();
+        let of = |hash: Fingerprint| numbers.iter().fold(hash, |hash, &n| hash.with_u64(n)).value();
+        assert_eq!(baker.fingerprint(), of(Fingerprint::new().with(METHODS)), "of these methods");
+        assert_ne!(baker.fingerprint(), of(Fingerprint::new().with(METHODS + 1)), "of other methods");
     }
 }

@@ -300,6 +300,23 @@ fn regions_that_look_through_backs_are_no_cells() {
     );
 }
 
+/// The strips of a wall are narrower than half of the tolerance each: together they are a wall that is looked
+/// through from behind.
+#[test]
+fn many_narrow_backs_side_by_side_leak() {
+    let strips = (0..225).map(|i| f64::from(i) * 0.04);
+    let mut soup: Vec<ConvexPolygon> =
+        strips.map(|y| upright(0.0, [y, y + 0.04], [0.0, 3.0], false)).collect();
+    // Too small to divide space, it only widens its bounds.
+    let thin = [DVec3::new(-5.0, 0.0, 0.0), DVec3::new(5.0, 9.0, 3.0), DVec3::new(-5.0, 0.001, 0.0)];
+    soup.push(ConvexPolygon::new(thin).unwrap());
+    let settings = PolygonSettings::default().with_margin(0.0).with_tolerance(0.1);
+    let count = |one_sided: &[bool]| {
+        from_polygons(&soup, &settings.with_one_sided(one_sided)).unwrap().graph.cell_count()
+    };
+    assert_eq!((count(&[]), count(&[true; 225])), (2, 1), "cells beside the wall, two-sided and one-sided");
+}
+
 /// Returns the rectangle of a plane at `x` with the given ranges of y and z, front to greater x, or to lesser
 /// x if `turned`.
 pub(crate) fn upright(x: f64, y: [f64; 2], z: [f64; 2], turned: bool) -> ConvexPolygon {

@@ -179,7 +179,8 @@ impl Painter {
     /// Assigns the directions that are still open to [`NONE`], and orders all arcs by direction.
     fn finish(&mut self) {
         self.runs.extend(self.open.iter().map(|gap| (gap.0, NONE)));
-        self.runs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        // A disc thinner than rounding begins where it ends, and stays before what is behind it.
+        self.runs.sort_by(|a, b| a.0.total_cmp(&b.0));
         self.runs.dedup_by_key(|run| run.1);
     }
 }

@@ -441,6 +441,22 @@ fn zones_keep_nothing_where_squares_underflow() {
     }
 }
 
+/// A disc thinner than rounding, in a gap beside one that hides a third: the third comes into view.
+#[cfg(feature = "papers")]
+#[test]
+fn zones_see_past_discs_thinner_than_rounding() {
+    let discs = [([5.0, 0.0], 1.0), ([0.0, 10.0], 1e-17), ([30.0, 0.0], 1.0)]
+        .map(|(center, radius)| Disc { center, radius });
+    let made = Discs::new(&discs).unwrap();
+    for y in [1.9, -1.9] {
+        let mut kept = super::KineticZone::new(&made, 2.0);
+        kept.move_to([0.0; 2]);
+        let mut seen = kept.move_to([0.0, y]).to_vec();
+        seen.sort_unstable();
+        assert_eq!(seen, [0, 1, 2], "from y = {y}");
+    }
+}
+
 /// Segments at an eye on a line that touches two discs, by whole numbers, are ended; a little before they are
 /// kept.
 #[cfg(feature = "papers")]

@@ -91,7 +91,8 @@ impl LargeOccludersCuller {
         Self { most, chosen_at: None, ..self }
     }
 
-    /// Turns the answer cache off. Every frame then computes all answers anew; the answers are the same.
+    /// Turns the answer cache off. Every frame then computes all answers anew; they are the same but for
+    /// rounding.
     #[must_use]
     pub fn without_coherence(mut self) -> Self {
         self.inner.map_mut().coherent = false;

@@ -1,7 +1,7 @@
 //! The exact culler: a front-to-back walk of the scene's tree that inserts polygons into the beam tree.
 
 use super::beams::{Beams, Glimpse, Visibility, VisiblePoint};
-use super::screen_projection::{ProjectedPolygon, ScreenProjection};
+use super::screen_projection::{Extent, ProjectedPolygon, ScreenProjection};
 use crate::scene_tree::{SceneTree, StaleObjects};
 use crate::tree::{Fragment, Fragments, Subtree, TraversalStack, TreeVisitor};
 use alloc::vec::Vec;
@@ -150,7 +150,8 @@ impl<S: Borrow<SceneTree>> Culler for NaylorCuller<S> {
         let Self { shared, stale, stack, scratch } = self;
         let shared = (*shared).borrow();
         scratch.witnesses.clear();
-        let Some(projection) = ScreenProjection::new(view, scene, &shared.tree().bounds()) else {
+        let (bounds, magnitude) = (shared.tree().bounds(), shared.tree().magnitude());
+        let Some(projection) = ScreenProjection::new(view, scene, &bounds, magnitude) else {
             return visible.retain(scene, |_, _| true);
         };
         stale.begin(shared, scene);
@@ -233,15 +234,22 @@ impl Frame<'_> {
             return;
         }
         let Scratch { beams, image, states, glimpses, witnesses } = &mut *self.scratch;
-        if !self.projection.draw(fragment.vertices(), image) {
+        if !self.projection.draw(fragment.vertices(), Extent::Greatest, image) {
             return;
         }
         self.stats.tests += 1;
-        let visibility = if hides && surface.occluder {
+        let covers = hides && surface.occluder;
+        let visibility = if covers && image.is_whole {
             beams.test_and_cover(&image.polygon, image.error)
         } else {
             beams.test(&image.polygon)
         };
+        // What is seen of it before it covers anything.
+        let seen = (beams.witness, beams.glimpse);
+        if covers && !image.is_whole && self.projection.draw(fragment.vertices(), Extent::Least, image) {
+            beams.test_and_cover(&image.polygon, image.error);
+            (beams.witness, beams.glimpse) = seen;
+        }
         let ObjectState::Hidden { mut glimpse, .. } = state else { return };
         let owner = fragment.owner() as usize;
         let is_wide = visibility == Visibility::Glimpsed && {

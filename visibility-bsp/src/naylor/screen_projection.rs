@@ -22,6 +22,19 @@ pub(super) struct ProjectedPolygon {
     pub(super) polygon: Vec<ImageCorner>,
     /// Bound on the absolute error of the corners in `polygon`, in NDC (1 is half the image).
     pub(super) error: f64,
+    /// Whether all of the polygon drawn last is certainly beyond the near plane, before the far plane and on
+    /// the inner side of the view's own clip planes. Then its [`Extent`] makes no difference.
+    pub(super) is_whole: bool,
+}
+
+/// Part of a polygon that is projected, where rounding leaves undecided what the near plane, the far plane
+/// and the view's own clip planes cut off.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Extent {
+    /// All that may be in view: what is tested for visibility.
+    Greatest,
+    /// Only what is certainly in view: what covers image area.
+    Least,
 }
 
 /// The projection of points in metres relative to `Scene::origin` to NDC, with bounds on its rounding errors.
@@ -30,9 +43,11 @@ pub(super) struct ScreenProjection {
     /// Matrix from points in metres relative to `Scene::origin` to clip space.
     clip: DMat4,
     /// Clipping planes in metres relative to `Scene::origin`, inner side in front: near, far, the view's own
-    /// clip planes, and the four sides of an image [`CLIP_WIDTH`] times as wide. Only the first `count` are
-    /// valid.
-    planes: [SidePlane; MAX_PLANES],
+    /// clip planes, the four sides of an image [`CLIP_WIDTH`] times as wide, and the plane of `least_w`. Only
+    /// the first `count` are valid.
+    planes: [SidePlane; MAX_PLANES + 1],
+    /// Number of leading `planes` that bound the view: near, far and the view's own clip planes.
+    view_count: usize,
     /// Number of clipping planes: the valid entries in `planes`.
     count: usize,
     /// The view volume, for testing boxes that extend in front of the near plane.
@@ -52,18 +67,20 @@ const MAX_NDC_ERROR: f64 = 1e-8;
 const CLIP_WIDTH: f64 = 4.0;
 
 impl ScreenProjection {
-    /// Builds the projection for points within `bounds`, in metres relative to `Scene::origin`. `None` if NDC
+    /// Builds the projection for points within `bounds`, in metres relative to `Scene::origin`. `magnitude`
+    /// is the bound on absolute coordinates, by axis, for which the tree decides sides: points that count as
+    /// on its planes are off by roundings of that magnitude, however small `bounds` are. `None` if NDC
     /// positions, as they are or as an eye sees them that is off by its error, are not known to within
     /// [`MAX_NDC_ERROR`], because the coordinates are too large or the near plane too close, or if `bounds`
     /// is infinite.
-    pub(super) fn new(view: &View, scene: &Scene, bounds: &Aabb) -> Option<Self> {
+    pub(super) fn new(view: &View, scene: &Scene, bounds: &Aabb, magnitude: DVec3) -> Option<Self> {
         // With `u = 2^-53`: clip-space `x`, `y` and `w` are sums of four products, each sum rounded by at
         // most `5 u` times the sum `m` of the products' magnitudes. The matrix is rounded once, and a vertex
         // made by a cut by another `6 u` of its magnitude. The total is `12 u m`. So `x / w` has an absolute
         // error of at most `12 u m (1 + |x / w|) / w`.
         let origin = scene.origin();
         let clip = view.clip_from(origin);
-        let magnitude = bounds.min.abs().max(bounds.max.abs()).as_dvec3();
+        let magnitude = bounds.min.abs().max(bounds.max.abs()).as_dvec3().max(magnitude);
         // Bounds rounded outwards are infinite for the largest numbers, and later checks would not detect
         // that.
         if !magnitude.is_finite() {
@@ -75,7 +92,8 @@ impl ScreenProjection {
         let least_w = nearest_w(view)?;
         let mut projection = Self {
             clip,
-            planes: [SidePlane { plane: Plane::new(DVec3::ZERO, 1.0), margin: 0.0 }; MAX_PLANES],
+            planes: [SidePlane { plane: Plane::new(DVec3::ZERO, 1.0), margin: 0.0 }; MAX_PLANES + 1],
+            view_count: 0,
             count: 0,
             volume: ViewVolume::new(view, scene, 0.0),
             least_w,
@@ -86,23 +104,34 @@ impl ScreenProjection {
             let side = SidePlane::new(plane.plane, magnitude);
             projection.push(SidePlane { margin: side.margin + plane.error, ..side });
         }
+        projection.view_count = projection.count;
         for row in [w * CLIP_WIDTH + x, w * CLIP_WIDTH - x, w * CLIP_WIDTH + y, w * CLIP_WIDTH - y] {
             let plane = Plane::new(row.truncate(), row.w).normalized()?;
             projection.push(SidePlane::new(plane, magnitude));
+        }
+        // Beside the image, points beyond an oblique near plane may have any `w`. The view volume has 1.001
+        // times `least_w`, and the margin of the plane is less than 1e-7 of it, since the error of the image
+        // is at most `MAX_NDC_ERROR`. So this plane cuts nothing in the image, and leaves no less than
+        // `least_w`. `w` is the same everywhere in a parallel view.
+        let beyond = Plane::new(w.truncate(), w.w - 1.0005 * least_w);
+        if beyond.normal != DVec3::ZERO {
+            projection.push(SidePlane::new(beyond.normalized()?, magnitude));
         }
         // The eye decides which side of a polygon's plane comes first, and which are fronts.
         let reach = match view.eye(origin) {
             Eye::Point(_) => 1.0,
             Eye::Direction(_) => (bounds.max - bounds.min).as_dvec3().length(),
         };
-        let per_metre = x.truncate().length().max(y.truncate().length()) / least_w;
+        // `x / w` changes with `x`, and with `w` at places up to one image width from the middle.
+        let per_metre = x.truncate().length().max(y.truncate().length()) + w.truncate().length();
+        let per_metre = per_metre / least_w;
         let eye_error = per_metre * reach * ViewProjection::new(view, origin).eye_error();
         (projection.error_at(least_w) <= MAX_NDC_ERROR && eye_error <= MAX_NDC_ERROR).then_some(projection)
     }
 
-    /// Appends a clipping plane. Does nothing if the array is full, so polygons are then clipped less.
+    /// Appends a clipping plane. The array holds all that a view has.
     fn push(&mut self, plane: SidePlane) {
-        if self.count < MAX_PLANES {
+        if self.count < self.planes.len() {
             self.planes[self.count] = plane;
             self.count += 1;
         }
@@ -121,13 +150,28 @@ impl ScreenProjection {
     }
 
     /// Clips a convex polygon in metres relative to `Scene::origin` to the planes and replaces `image` by its
-    /// projection in NDC. Returns false if fewer than three corners are left.
-    pub(super) fn draw(&self, vertices: &[DVec3], image: &mut ProjectedPolygon) -> bool {
+    /// projection in NDC. `extent` is the part that is meant where rounding leaves the sides of its vertices
+    /// undecided. Returns false if fewer than three corners are left.
+    ///
+    /// A plane that bounds the view is moved by twice its margin for that, outwards or inwards. Vertices
+    /// beyond the margin of the moved plane, cut points and vertices within that margin are then all at least
+    /// half a margin off the plane itself, on the outer or on the inner side.
+    pub(super) fn draw(&self, vertices: &[DVec3], extent: Extent, image: &mut ProjectedPolygon) -> bool {
         let [polygon, inner, outer] = &mut image.space;
         polygon.clear();
         polygon.extend_from_slice(vertices);
         // Clipped to the view before the projection, so that every corner is beyond the near plane.
-        for plane in &self.planes[..self.count] {
+        image.is_whole = true;
+        for (i, plane) in self.planes[..self.count].iter().enumerate() {
+            let mut plane = *plane;
+            if i < self.view_count {
+                if polygon.iter().all(|&v| plane.side(v) == Side::Front) {
+                    continue;
+                }
+                image.is_whole = false;
+                let by = if extent == Extent::Greatest { 2.0 } else { -2.0 } * plane.margin;
+                plane.plane.offset += by;
+            }
             let (mut inside, mut outside) = (false, false);
             for &v in polygon.iter() {
                 match plane.side(v) {
@@ -142,7 +186,7 @@ impl ScreenProjection {
             if !inside {
                 return false;
             }
-            cut(polygon, plane, inner, outer);
+            cut(polygon, &plane, inner, outer);
             core::mem::swap(polygon, inner);
         }
         image.polygon.clear();
@@ -250,7 +294,10 @@ fn area(polygon: &[ImageCorner]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use visibility_core::{Pose, view::Window};
+    use visibility_core::{
+        Pose,
+        view::{Depth, Window},
+    };
     use visibility_testing::Random;
 
     /// View along x from `eye`, a quarter of a turn wide, whose near plane is 0.1 m away.
@@ -265,8 +312,9 @@ mod tests {
 
     #[test]
     fn a_view_is_refused_from_an_error_of_1e_minus_8_in_the_image_on() {
-        let known =
-            |size: f32| ScreenProjection::new(&view(DVec3::ZERO), &Scene::new(), &cube(size)).is_some();
+        let known = |size: f32| {
+            ScreenProjection::new(&view(DVec3::ZERO), &Scene::new(), &cube(size), DVec3::ZERO).is_some()
+        };
         // 12 u of the coordinates, divided by the least depth, at places up to four images wide.
         let limit = 1e-8 * 0.0999 / (12.0 * f64::EPSILON / 2.0 * 5.0);
         assert!(known(0.99 * limit as f32) && !known(1.01 * limit as f32), "limit of {limit} m");
@@ -276,7 +324,7 @@ mod tests {
         {
             let bounds = Aabb::from_arrays(bounds[0], bounds[1]);
             assert!(
-                ScreenProjection::new(&view(DVec3::ZERO), &Scene::new(), &bounds).is_none(),
+                ScreenProjection::new(&view(DVec3::ZERO), &Scene::new(), &bounds, DVec3::ZERO).is_none(),
                 "{bounds:?}"
             );
         }
@@ -293,11 +341,41 @@ mod tests {
             let eye_error = ViewProjection::new(&view, DVec3::ZERO).eye_error();
             // Half of the image is 1 m wide, and the scene 2 sizes along each axis.
             let limit = 1e-8 * 0.999 / (2.0 * 3f64.sqrt() * eye_error);
-            let new = |share: f64| ScreenProjection::new(&view, &Scene::new(), &cube((share * limit) as f32));
+            let new = |share: f64| {
+                ScreenProjection::new(&view, &Scene::new(), &cube((share * limit) as f32), DVec3::ZERO)
+            };
             assert!(new(1.01).is_none(), "{limit} m, window {window:?}");
             let error = new(0.99).map(|projection| projection.error());
             assert!(error.is_some_and(|error| error < 0.9e-8), "{error:?} at {limit} m, window {window:?}");
         }
+    }
+
+    /// Planes of a tree decide sides by margins for the greatest coordinates that it has held.
+    #[test]
+    fn a_view_is_refused_for_the_magnitude_of_sides_as_for_the_bounds() {
+        for axis in DVec3::AXES {
+            let known = |magnitude: DVec3| {
+                ScreenProjection::new(&view(DVec3::ZERO), &Scene::new(), &cube(1.0), magnitude).is_some()
+            };
+            assert_eq!([1e5, 2e5].map(|size| known(axis * size)), [true, false], "along {axis}");
+        }
+    }
+
+    /// An eye that is off along the view moves what it sees beside the middle, though `x` and `y` do not
+    /// change.
+    #[test]
+    fn a_view_is_refused_whose_eye_is_uncertain_along_the_view() {
+        let known = |shear: f64| {
+            let w = DVec4::new(1.0, shear, shear, -450.0 * (1.0 + 2.0 * shear));
+            let [x, y] = [DVec3::Y, DVec3::Z].map(|axis| axis.extend(-450.0) * 1e-3);
+            let rows = DMat4::from_cols(x, y, w - DVec4::W * 0.1, w);
+            let view = View::from_clip_from_world(rows.transpose(), Depth::ZeroToOneInfinite).unwrap();
+            let projection = ScreenProjection::new(&view, &Scene::new(), &cube(500.0), DVec3::ZERO);
+            let error = 6.0 * f64::EPSILON * 5.0 * (1.0 + 2.0 * shear) * 950.0 / 0.0999;
+            assert!(error < MAX_NDC_ERROR, "the image alone is known to {error}");
+            projection.is_some()
+        };
+        assert_eq!([0.1, 60.0].map(known), [true, false], "views with shears of 0.1 and 60");
     }
 
     /// Returns the image of a point, whose coordinates are multiples of 2^-8, and its depth. Sums are exact,
@@ -323,7 +401,7 @@ mod tests {
             let pose = Pose::look_at(eye, eye + random.direction(), random.direction());
             let view =
                 View::perspective_off_center(pose, Window::centered(1.0, 1.0), 0.1, f64::INFINITY).unwrap();
-            let projection = ScreenProjection::new(&view, &Scene::new(), &cube(2.2e4)).unwrap();
+            let projection = ScreenProjection::new(&view, &Scene::new(), &cube(2.2e4), DVec3::ZERO).unwrap();
             let corners = [0, 1, 2].map(|i| {
                 let depth = [0.15, 8.0, 500.0][(i + round) % 3];
                 let [across, up] = [(); 2].map(|()| depth * random.range(-2.0, 2.0));
@@ -334,7 +412,7 @@ mod tests {
             if nearest < 0.11 {
                 continue;
             }
-            assert!(projection.draw(&corners, &mut image), "round {round}: {corners:?}");
+            assert!(projection.draw(&corners, Extent::Greatest, &mut image), "round {round}: {corners:?}");
             assert!(
                 (image.error / projection.error_at(nearest) - 1.0).abs() < 1e-6,
                 "error at the least depth"
@@ -365,7 +443,8 @@ mod tests {
 
     #[test]
     fn boxes_beside_the_image_are_not_drawn() {
-        let projection = ScreenProjection::new(&view(DVec3::ZERO), &Scene::new(), &cube(10.0)).unwrap();
+        let projection =
+            ScreenProjection::new(&view(DVec3::ZERO), &Scene::new(), &cube(10.0), DVec3::ZERO).unwrap();
         let mut image = ProjectedPolygon::default();
         let square = |y: f32, z: f32| Aabb::from_arrays([1.0, y - 0.1, z - 0.1], [1.0, y + 0.1, z + 0.1]);
         for (y, z, is) in
@@ -389,7 +468,6 @@ mod tests {
 
     #[test]
     fn views_whose_near_plane_is_behind_the_eye_or_at_infinity_have_no_least_depth() {
-        use visibility_core::view::Depth;
         let view = view(DVec3::ZERO);
         let least = nearest_w(&view).unwrap();
         assert!((least / 0.1 - 0.999).abs() < 1e-9, "{least}");

@@ -143,7 +143,7 @@ impl BspTree {
     fn divide_leaf(&mut self, builder: &mut Builder, task: Task) -> u32 {
         let set = &builder.pieces[task.begin..];
         // An axis-aligned plane is used if it splits well: it cuts less than half as many pieces as are on
-        // either side.
+        // either side. So some are on each side, and both sets are smaller, or there would be no end.
         let mut chosen = None;
         if let Some(plane) = splitter::box_plane(set) {
             let plane = SidePlane::new(plane, self.magnitude);

@@ -3,6 +3,7 @@
 
 use super::build_scratch::{Piece, Source};
 use visibility_core::{
+    Aabb,
     geometry::{Plane, PolygonSide, SidePlane},
     glam::DVec3,
 };
@@ -36,13 +37,13 @@ pub(super) fn box_plane(set: &[Piece]) -> Option<Plane> {
     let mut best = (f32::INFINITY, 0, 0.0f32);
     for candidate in sample(set.len(), PLANES) {
         for axis in 0..3 {
-            let [low, high] = sides(&set[candidate], axis);
-            for at in [low, high] {
+            let Aabb { min, max } = set[candidate].bounds;
+            for at in [min[axis], max[axis]] {
                 let (mut front, mut back, mut across) = (0u32, 0u32, 0u32);
                 for i in sample(set.len(), SAMPLE) {
                     // A box that only touches the plane is not cut.
-                    let [low, high] = sides(&set[i], axis);
-                    let (is_front, is_back) = (low >= at, high <= at);
+                    let Aabb { min, max } = set[i].bounds;
+                    let (is_front, is_back) = (min[axis] >= at, max[axis] <= at);
                     front += u32::from(is_front);
                     back += u32::from(is_back && !is_front);
                     across += u32::from(!is_front && !is_back);
@@ -57,13 +58,6 @@ pub(super) fn box_plane(set: &[Piece]) -> Option<Plane> {
     }
     let (cost, axis, at) = best;
     (cost < set.len().min(SAMPLE) as f32).then(|| Plane::new(DVec3::AXES[axis], -f64::from(at)))
-}
-
-/// Returns the least and the greatest coordinate of a piece along an axis, rounded to the nearest `f32`: its
-/// bounds without the step by which they are rounded outwards. A plane at the step would cut a sliver from
-/// each piece that touches the piece.
-fn sides(piece: &Piece, axis: usize) -> [f32; 2] {
-    [piece.bounds.min[axis].next_up(), piece.bounds.max[axis].next_down()]
 }
 
 /// Returns the index in `set` of the piece whose own plane is the cheapest split among the sampled

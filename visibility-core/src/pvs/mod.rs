@@ -7,7 +7,7 @@
 //!
 //! # Format
 //! All numbers are little-endian:
-//! - The header of the [binary format](crate::binary_format): `VISI-PVS`, version 3, kind (0: cells, 1:
+//! - The header of the [binary format](crate::binary_format): `VISI-PVS`, version 4, kind (0: cells, 1:
 //!   objects). In place of a fingerprint, the header holds the number of viewcells and the number of targets
 //!   (`u32` each).
 //! - For each 16th viewcell from the first on, the offset of its row from the first row, in bytes (`u32`),
@@ -89,7 +89,7 @@ impl PartialEq for Pvs {
 
 impl Eq for Pvs {}
 
-const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 3 };
+const FORMAT: Format = Format { magic: *b"VISI-PVS", version: 4 };
 
 /// Flag in the first byte of a stored row: the list has the targets in which the row differs from an earlier
 /// row.

@@ -46,7 +46,7 @@ fn the_form_of_a_stored_set_stays() {
     let pvs = Pvs::new(PvsTargets::Objects, 300, &rows, |id| [ViewcellId(id.0 / 2)]).unwrap();
     let stored = |content: &[u8]| {
         let counts = [&[2, 0, 0, 0, 44, 1, 0, 0][..], &[40 + content.len() as u8, 0, 0, 0, 0, 0, 0, 0]];
-        let mut bytes = [b"VISI-PVS", &[3, 0, 0, 0, 1, 0, 0, 0][..], &counts.concat()].concat();
+        let mut bytes = [b"VISI-PVS", &[4, 0, 0, 0, 1, 0, 0, 0][..], &counts.concat()].concat();
         let all = bytes.iter().chain(content);
         let sum = all
             .fold(0xcbf2_9ce4_8422_2325_u64, |sum, &b| (sum ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
@@ -59,7 +59,7 @@ fn the_form_of_a_stored_set_stays() {
     assert_eq!(
         pvs.as_bytes(),
         stored(&short.concat()),
-        "the bytes that version 3 has written since it exists"
+        "the bytes that version 4 has written since it exists"
     );
     // Row 0 as runs (one absent target, two present, and so on), then row 1 as its difference from row 0, in
     // bits.
@@ -105,13 +105,13 @@ fn wrong_rows_with_a_right_checksum_are_refused_and_say_why() {
     };
     let last = good.len() - 1;
     assert_eq!(
-        wrong(8, 2),
-        "version 2 of the format, where only version 3 is known: bake again",
+        wrong(8, 3),
+        "version 3 of the format, where only version 4 is known: bake again",
         "an older version"
     );
     assert_eq!(
-        wrong(8, 4),
-        "version 4 of the format, where only version 3 is known: it is of a later release",
+        wrong(8, 5),
+        "version 5 of the format, where only version 4 is known: it is of a later release",
         "a later version"
     );
     assert_eq!(

@@ -78,6 +78,28 @@ fn kept_from(below: f64, scene: &Scene, cell: &Sheet) -> usize {
     walk.order.len()
 }
 
+/// An eye that is off by more than half of the near distance, or infinitely far away, may be in another cell:
+/// nothing is known of what it sees.
+#[test]
+fn walks_do_not_begin_in_the_cell_of_an_uncertain_eye() {
+    let mut scene = Scene::new();
+    let cell = sheet(&mut scene, 1.0);
+    let begins = |away: f64| {
+        let eye = DVec3::new(0.2, 0.2, -away);
+        let pose = Pose::look_at(eye, eye + DVec3::Z * away, DVec3::X);
+        let view = View::perspective(pose, 2.0, 1.0, 0.01, f64::INFINITY).unwrap();
+        let frustum = CellFrustum::new(&view, DVec3::ZERO, &cell.bounds);
+        let error = frustum.eye_error;
+        let mut visible = VisibleSet::new();
+        visible.fill(&scene, &view);
+        let settings = PlpSettings::new(Budget::Objects(usize::MAX));
+        let frame = FrameContext { tessellation: &cell, scene: &scene, visible: &visible, frustum, settings };
+        (Walk::default().begin(&frame, &mut |_, _| true), error)
+    };
+    let found = [1.0, 1e11, 1e15, 1e200].map(begins);
+    assert_eq!(found.map(|(begins, _)| begins), [true, true, false, false], "{found:?}");
+}
+
 /// Backs are kept while the eye may be in front of them, though bins of normals and sides of the cell are
 /// asked before the triangles are.
 #[test]

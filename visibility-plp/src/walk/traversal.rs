@@ -13,9 +13,10 @@ use visibility_core::{Aabb, scene::Changes, view::Eye};
 impl Walk {
     /// Begins a frame: keeps the objects that are in no cell (strays and objects changed since the last
     /// `sync`) and puts the first cells into the front, the queue of cells to project. Returns true if the
-    /// frame can go on. Returns false, with no object kept, if the tessellation was made from another scene
-    /// or the scene's change log no longer reaches back to the last `sync`. `keep` is told of the objects
-    /// that are in no cell, with the priority 1; its answers are ignored.
+    /// frame can go on. Returns false, with no object kept, if the tessellation was made from another scene,
+    /// the scene's change log no longer reaches back to the last `sync`, or the eye is not known well enough
+    /// to tell its cell. `keep` is told of the objects that are in no cell, with the priority 1; its answers
+    /// are ignored.
     pub(crate) fn begin<T: Tessellation + ?Sized>(
         &mut self,
         frame: &FrameContext<'_, T>,
@@ -29,6 +30,9 @@ impl Walk {
             content.normals.eye_offsets(eye, eye_error, &bounds, &mut self.eye_offsets);
         }
         self.spent = 0;
+        if !frame.frustum.knows_eye() {
+            return false;
+        }
         let Changes::Objects(changed) = content.changes(frame.scene) else { return false };
         for &id in content.strays().iter().chain(changed) {
             if frame.scene.contains(id) && !self.taken.contains(id.index()) {
@@ -47,12 +51,11 @@ impl Walk {
     /// Puts the eye's cell into the front. For an eye outside of all cells and for parallel views, puts all
     /// boundary cells that may be in view into the front.
     fn seed<T: Tessellation + ?Sized>(&mut self, frame: &FrameContext<'_, T>) {
-        // The error of the eye loses nothing where the near plane is more than twice that error away, as it
-        // is but for eyes some 10^13 near distances from the view's origin. The computed eye and all visible
-        // points are on the inner side of the side planes, so no cell between them is outside. The exact
-        // eye's cell is reached from this one by `exit_margin`. The walk propagates the first cell before any
-        // test against a map, and maps are not asked about cells that cross the near plane, as cells between
-        // both eyes do.
+        // The error of the eye loses nothing where the near plane is more than twice that error away, as
+        // `CellFrustum::knows_eye` tells. The computed eye and all visible points are on the inner side of
+        // the side planes, so no cell between them is outside. The exact eye's cell is reached from this one
+        // by `exit_margin`. The walk propagates the first cell before any test against a map, and maps are
+        // not asked about cells that cross the near plane, as cells between both eyes do.
         if let Eye::Point(eye) = frame.frustum.eye
             && let Some(cell) = frame.tessellation.locate(eye)
         {

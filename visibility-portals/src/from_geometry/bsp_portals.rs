@@ -107,8 +107,8 @@ fn subtract_covers(
         let axis = (0..3).fold(0, |longest, axis| if size[axis] > size[longest] { axis } else { longest });
         let half = Plane::new(DVec3::AXES[axis], -(min[axis] + max[axis]) * 0.5);
         for side in [half, half.flipped()] {
-            let mut part = piece.clone();
-            clip_in_place(&mut part, &side, lengths);
+            let mut part = Vec::new();
+            clip_into(&piece, &side, 0.0, &mut part);
             if !part.is_empty() {
                 subtract_covers(part, &near, normal, lengths, halvings + 1, open, covered);
             }
@@ -122,9 +122,14 @@ fn subtract_covers(
     open.append(&mut parts);
 }
 
-/// Returns whether lines from one side of the plane pass `piece` through the back of a one-sided cover,
-/// where no other cover stops them, in parts that together are wider than half of the tolerance. The side is
-/// the front if `is_front` is true, else the back. `exact` are the covers without their widening.
+/// Returns whether lines from one side of the plane pass `piece` through the backs of one-sided covers, where
+/// no other cover stops them. The side is the front if `is_front` is true, else the back. `exact` are the
+/// covers without their widening.
+///
+/// Parts whose widths have a sum of at most half of the tolerance do not count. No disc of a greater diameter
+/// lies in their union, whatever their number and places (Bang, "A Solution of the 'Plank Problem'", 1951),
+/// so that lines that pass them are near to something else. In a piece that is narrow itself, parts side by
+/// side with those of the next pieces would be wider: there half of the width of the piece is the limit.
 fn leaks(
     piece: &[DVec3],
     covers: &[Cover],
@@ -136,15 +141,16 @@ fn leaks(
     let blocking: Vec<&Cover> = covers.iter().filter(|cover| cover.blocks_from(is_front)).collect();
     let mut passed = Vec::new();
     subtract_covers(piece.to_vec(), &blocking, normal, lengths, 0, &mut passed, &mut [0.0; 2]);
-    let passes = |cover: &Cover| {
+    let passing_width = |cover: &Cover| {
         let parts = passed.iter().map(|part| {
             let mut common = part.clone();
             cover.planes.iter().for_each(|plane| clip_in_place(&mut common, plane, lengths));
             common
         });
-        width(&hull(parts.flatten(), normal), normal) > 2.0 * lengths.sliver
+        width(&hull(parts.flatten(), normal), normal)
     };
-    exact.iter().any(|cover| !cover.blocks_from(is_front) && passes(cover))
+    let limit = (2.0 * lengths.sliver).min(0.5 * width(piece, normal)).max(8.0 * lengths.merge);
+    exact.iter().filter(|cover| !cover.blocks_from(is_front)).map(passing_width).sum::<f64>() > limit
 }
 
 /// A BSP tree that divides the box from `min` to `max`, in world space.
@@ -348,4 +354,33 @@ pub(super) fn renumber_leaves(
         .into_iter()
         .filter_map(|(polygon, [a, b])| Some((polygon, [numbers[a as usize]?, numbers[b as usize]?])));
     (count, portals.collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With a tolerance of 0.1 m, a back 0.04 m wide is no leak of a piece of a portal, but for a piece that is
+    /// as narrow: the next pieces may leak as well.
+    #[test]
+    fn narrow_backs_leak_where_they_are_half_of_a_piece() {
+        let lengths = Lengths::new(0.1, 10.0);
+        let strip = |width: f64| {
+            [[0.0, 0.0], [width, 0.0], [width, 3.0], [0.0, 3.0]].map(|[y, z]| DVec3::new(0.0, y, z)).to_vec()
+        };
+        let [front, back] = [0, 1].map(Child::Leaf);
+        let plane = Plane::new(DVec3::X, 0.0);
+        let node = Node { plane, parent: None, front, back, covers: Vec::new() };
+        for (piece, back, is_leak) in
+            [(1.0, 0.04, false), (1.0, 0.06, true), (0.04, 0.04, true), (0.04, 0.015, false)]
+        {
+            let cover = NodeCover { vertices: strip(back), faces_front: true, one_sided: true };
+            let [covers, exact] =
+                [lengths.widen, 0.0].map(|by| alloc::vec![Cover::new(&cover, &node, by, &lengths)]);
+            let found = leaks(&strip(piece), &covers, &exact, false, DVec3::X, &lengths);
+            assert_eq!(found, is_leak, "a back {back} m wide in a piece {piece} m wide");
+            let found = leaks(&strip(piece), &covers, &exact, true, DVec3::X, &lengths);
+            assert!(!found, "a front {back} m wide in a piece {piece} m wide");
+        }
+    }
 }

@@ -91,8 +91,10 @@ pub(super) fn subtract(
         }
         let mut rest = piece;
         for plane in planes {
-            clip_into(&rest, &plane.flipped(), lengths.merge, &mut outer);
-            clip_into(&rest, plane, lengths.merge, &mut inner);
+            // No vertices are merged: what is lost of a cut is lost once for each polygon of a row, and none
+            // of it would be open.
+            clip_into(&rest, &plane.flipped(), 0.0, &mut outer);
+            clip_into(&rest, plane, 0.0, &mut inner);
             if !outer.is_empty() {
                 left.push(core::mem::take(&mut outer));
             }
@@ -187,6 +189,22 @@ mod tests {
             "the area that a distant polygon subtracts"
         );
         assert_eq!(pieces, before, "a distant polygon changes no piece");
+    }
+
+    /// Each cover of a column ends a little before the one below it. The narrow strip that it leaves is as
+    /// long as the whole piece, and is open above.
+    #[test]
+    fn strips_narrower_than_merged_vertices_are_left() {
+        let lengths = Lengths::new(1e-4, 100.0);
+        let mut pieces = alloc::vec![square(0.0, 0.0, 10.0)];
+        for i in 0..50 {
+            let [low, right] = [0.1 * f64::from(i), 10.0 - 0.9 * lengths.merge * f64::from(i + 1)];
+            let x = [Plane::new(DVec3::NEG_X, right), Plane::new(DVec3::X, 1.0)];
+            let y = [Plane::new(DVec3::Y, -low), Plane::new(DVec3::NEG_Y, low + 0.1)];
+            subtract(&mut pieces, &[x, y].concat(), DVec3::Z, &lengths);
+        }
+        let (min, max) = bounds(pieces.iter().flatten());
+        assert_eq!((min, max), (DVec3::ZERO, DVec3::new(10.0, 10.0, 0.0)), "bounds of what is left");
     }
 
     #[test]

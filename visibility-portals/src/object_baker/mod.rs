@@ -14,7 +14,7 @@
 
 mod object_chains;
 
-use crate::bake_settings::{BakeError, BakerSettings, prepare};
+use crate::bake_settings::{BakeError, BakerSettings, METHODS, prepare};
 use crate::cell_baker::Outcome;
 use crate::cell_matrix::neighbours;
 use crate::directed_portals::DirectedPortals;
@@ -170,7 +170,8 @@ impl Baker for ObjectBaker<'_> {
         let Outcome { matrix, pairs, .. } = self.cells;
         let numbers = self.portals.numbers().chain(self.settings.numbers()).chain(matrix.words());
         let numbers = numbers.chain([pairs.fingerprint()]);
-        numbers.chain(self.targets.numbers()).fold(Fingerprint::new(), Fingerprint::with_u64).value()
+        let numbers = numbers.chain(self.targets.numbers());
+        numbers.fold(Fingerprint::new().with(METHODS), Fingerprint::with_u64).value()
     }
 
     fn save(&self, state: &mut Writer) {
@@ -213,5 +214,27 @@ impl Baker for ObjectBaker<'_> {
             };
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::CellBaker;
+    use visibility_core::bake::Bake;
+
+    #[test]
+    fn the_fingerprint_is_of_the_methods() {
+        let map = "PRT1\n2\n1\n4 0 1 (0 0 0) (0 1 0) (0 1 1) (0 0 1)\n";
+        let graph = crate::prt::read(map).unwrap().graph;
+        let settings = BakerSettings::default();
+        let cells = Bake::new(CellBaker::new(&graph, settings).unwrap()).run();
+        let baker = ObjectBaker::new(&graph, &cells, |_| None, settings).unwrap();
+        let numbers = baker.portals.numbers().chain(settings.numbers()).chain(cells.matrix.words());
+        let numbers = numbers.chain([cells.pairs.fingerprint()]).chain(baker.targets.numbers());
+        let numbers: Vec<u64> = numbers.collect();
+        let of = |hash: Fingerprint| numbers.iter().fold(hash, |hash, &n| hash.with_u64(n)).value();
+        assert_eq!(baker.fingerprint(), of(Fingerprint::new().with(METHODS)), "of these methods");
+        assert_ne!(baker.fingerprint(), of(Fingerprint::new().with(METHODS + 1)), "of other methods");
     }
 }

@@ -45,7 +45,7 @@ pub struct PortalFile {
 #[non_exhaustive]
 pub enum PrtError {
     /// A line of the file does not have the form that the format demands, for instance because a number is
-    /// missing.
+    /// missing, or follows all announced lines.
     Line {
         /// Number of the line, from 1.
         line: usize,
@@ -177,7 +177,11 @@ pub fn read(text: &str) -> Result<PortalFile, PrtError> {
             cell_of_leaf.push(Some(CellId(cell as u32)));
         }
     }
-    Ok(PortalFile { graph, cell_of_leaf })
+    // A count that is too small must not lose portals unnoticed.
+    match lines.next("nothing") {
+        Ok(_) => Err(lines.error("more lines than the counts announce")),
+        Err(_) => Ok(PortalFile { graph, cell_of_leaf }),
+    }
 }
 
 /// Returns the cells and portals of a graph as text in the form `PRT1`, each coordinate with enough digits to

@@ -17,8 +17,9 @@ fn all_three_forms_give_the_same_graph() {
 
 #[test]
 fn what_was_written_reads_the_same() {
+    // Empty lines may follow.
     let text = "PRT1\n3\n2\n3 0 1 (0.1 0 0) (0.1 1e-3 0) (0.1 0.3333333333333333 7)\n\
-        4 2 1 (5 0 0) (5 1 0) (5 1 1) (5 0 1)\n";
+        4 2 1 (5 0 0) (5 1 0) (5 1 1) (5 0 1)\n \n\n";
     let file = read(text).unwrap();
     assert_eq!(read(&write(&file.graph)).unwrap(), file, "the file as written");
 }
@@ -53,6 +54,12 @@ fn errors_say_where() {
             "line 4, portal 0: vertex 1 of the polygon is not finite",
         ),
         ("PRT1\n2\n1\n4000000000 0 1 (0 0 0)\n", "line 4: 4000000000 vertices are more than 64"),
+        (
+            "PRT1\n3\n1\n4 0 1 (0 0 0) (0 1 0) (0 1 1) (0 0 1)\n\n4 1 2 (5 0 0) (5 1 0) (5 1 1) (5 0 1)\n",
+            "line 6: more lines than the counts announce",
+        ),
+        ("PRT2\n2\n1\n0\n1 -1\n0 -1\n", "line 6: more lines than the counts announce"),
+        ("PRT1-AM\n1\n0\n1\n0\n0\n", "line 6: more lines than the counts announce"),
         ("PRT1\n4294967295\n0\n", "line 3: 4294967295 cells are too many"),
         ("PRT1\n66000\n0\n", "line 3: 66000 cells are too many"),
         ("PRT2\n4294967290\n1\n0\n0 -1\n", "line 4: 4294967290 leaves are too many"),
