@@ -2,11 +2,10 @@
 //!
 //! Curves become chords. Coordinates are user units of the file, with y downwards, after the transforms of
 //! the elements. Percentages are of the file's `viewBox`. `use`, nested `svg` elements and transforms in
-//! style sheets would move walls, and `display` and `visibility` in style sheets would hide some, as may style
-//! sheets of other files, so a file with any of these is refused rather than read wrongly. Elements that are
-//! not drawn in place (definitions,
-//! clip paths, masks, markers, patterns, symbols), not displayed (`display: none`) or not visible
-//! (`visibility: hidden` or `collapse`) make no walls.
+//! style sheets would move walls, and `display` and `visibility` in style sheets would hide some, as may
+//! style sheets of other files, so a file with any of these is refused rather than read wrongly. Elements
+//! that are not drawn in place (definitions, clip paths, masks, markers, patterns, symbols), not displayed
+//! (`display: none`) or not visible (`visibility: hidden` or `collapse`) make no walls.
 
 use super::plan_file::{PlanFile, Problem, check};
 use kurbo::{Affine, CubicBez, ParamCurve, Point, QuadBez};

@@ -26,8 +26,8 @@ pub(super) struct Document {
     /// Transforms from each node's space to its parent's, by node index, in the f64 precision of the JSON
     /// text.
     pub transforms: Vec<LocalTransform>,
-    /// Whether an animation by `KHR_animation_pointer` or an extension that is not known may move the node, by
-    /// node index. Where to is unknown.
+    /// Whether an animation by `KHR_animation_pointer` or an extension that is not known may move the node,
+    /// by node index. Where to is unknown.
     pub is_pointed_at: Vec<bool>,
     /// Whether an animation by `KHR_animation_pointer` or a graph of `KHR_interactivity` may show the node
     /// though it is hidden at rest, by node index.

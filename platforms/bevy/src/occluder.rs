@@ -17,8 +17,8 @@ use visibility_core::glam::Vec3;
 /// but an [`Occluder::Custom`] of the triangles turned round.
 ///
 /// bevy draws an entity only once its mesh and its material are loaded and its pipeline is compiled. The
-/// occluder waits for the mesh, and not for the others: until then, what is behind it is hidden by a wall that is not drawn. Where that shows,
-/// insert the component once the entity is drawn.
+/// occluder waits for the mesh, and not for the others: until then, what is behind it is hidden by a wall
+/// that is not drawn. Where that shows, insert the component once the entity is drawn.
 ///
 /// Walls, floors, terrain and houses are good occluders. Small things, and meshes with many triangles, cost
 /// more than they save: give these a simpler occluder that lies inside of them, or none.

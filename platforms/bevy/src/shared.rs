@@ -10,9 +10,9 @@ use visibility_core::{Accuracy, CullStats, Culler, Scene, View, VisibleSet};
 /// Handle to a culler in a [`CullingPipeline`](crate::CullingPipeline) that the game keeps, to open doors,
 /// change settings or read results. Clones are handles to the same culler. Culling for a camera locks it.
 ///
-/// With a [reach](visibility_core::Pipeline::with_reach), [`lock`](Self::lock) ends all kept answers, whatever
-/// it is for. So does each answer that another pipeline gets for a region from the same culler: pipelines that
-/// share one keep few answers.
+/// With a [reach](visibility_core::Pipeline::with_reach), [`lock`](Self::lock) ends all kept answers,
+/// whatever it is for. So does culling by the same culler in another pipeline: those that share one keep no
+/// answers.
 pub struct Shared<C> {
     name: Arc<str>,
     shared: Arc<Locks<C>>,
@@ -23,8 +23,9 @@ pub struct Shared<C> {
 /// What all handles to a culler share.
 struct Locks<C> {
     culler: Mutex<C>,
-    /// Stamp of the culler's last answer for a region, for whatever handle; [`Stamp::NONE`] if the game has
-    /// locked the culler since. Changed by those alone who hold the lock of the culler.
+    /// Stamp of the culler's last answer for a region, for whatever handle; [`Stamp::NONE`] if the culler has
+    /// been locked for anything else since that may change it. Changed by those alone who hold the lock of
+    /// the culler.
     answer: Mutex<Stamp>,
 }
 
@@ -80,7 +81,7 @@ impl<C: Culler> Culler for Shared<C> {
     }
 
     fn cull(&mut self, scene: &Scene, view: &View, visible: &mut VisibleSet) -> CullStats {
-        self.shared.culler().cull(scene, view, visible)
+        self.lock().cull(scene, view, visible)
     }
 
     fn cull_on(
@@ -90,7 +91,7 @@ impl<C: Culler> Culler for Shared<C> {
         view: &View,
         visible: &mut VisibleSet,
     ) -> CullStats {
-        self.shared.culler().cull_on(jobs, scene, view, visible)
+        self.lock().cull_on(jobs, scene, view, visible)
     }
 
     fn cull_region(
@@ -130,6 +131,6 @@ impl<C: Culler> Culler for Shared<C> {
     }
 
     fn reset(&mut self) {
-        self.shared.culler().reset();
+        self.lock().reset();
     }
 }

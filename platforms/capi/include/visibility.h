@@ -1274,9 +1274,9 @@ void vis_reflections_destroy(struct vis_reflections *reflections);
 
 // Appends portal culling as `vis_pipeline_add_portals` does, which also finds the reflections. They are
 // those of the pipeline's last frame, so each pipeline needs reflections of its own: returns
-// `VIS_ERROR_STATE` if a pipeline has these. Conservative. If the pipeline has contribution culling, it culls
-// what mirrors show as well, by sizes in the mirror and distances from the eye of the camera, so that mirrors
-// show the objects that the camera shows.
+// `VIS_ERROR_STATE` if a pipeline has these. Conservative. If the pipeline has contribution culling, it
+// culls what mirrors show as well, by sizes in the mirror and distances from the eye of the camera, so that
+// mirrors show the objects that the camera shows.
 enum vis_status vis_pipeline_add_reflections(struct vis_pipeline *pipeline,
                                              const struct vis_reflections *reflections);
 

@@ -72,7 +72,8 @@ impl Scene {
         Some((OccluderMesh::CUBOID.into_iter().map(triangle).collect::<Option<_>>()?, hides))
     }
 
-    /// Inserts an object. With triangles it may hide others. `two_sided` as for the scene, which `None` means.
+    /// Inserts an object. With triangles it may hide others. `two_sided` as for the scene, which `None`
+    /// means.
     pub(crate) fn insert(
         &mut self,
         bounds: Aabb,

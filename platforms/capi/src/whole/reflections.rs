@@ -143,9 +143,9 @@ pub unsafe extern "C" fn vis_reflections_destroy(reflections: *mut vis_reflectio
 
 /// Appends portal culling as `vis_pipeline_add_portals` does, which also finds the reflections. They are
 /// those of the pipeline's last frame, so each pipeline needs reflections of its own: returns
-/// `VIS_ERROR_STATE` if a pipeline has these. Conservative. If the pipeline has contribution culling, it culls
-/// what mirrors show as well, by sizes in the mirror and distances from the eye of the camera, so that mirrors
-/// show the objects that the camera shows.
+/// `VIS_ERROR_STATE` if a pipeline has these. Conservative. If the pipeline has contribution culling, it
+/// culls what mirrors show as well, by sizes in the mirror and distances from the eye of the camera, so that
+/// mirrors show the objects that the camera shows.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_reflections(
     pipeline: *mut vis_pipeline,
