@@ -102,6 +102,9 @@ pub struct SourceObject {
     /// Whether the triangles are drawn only from their front. From behind they are invisible, and hide
     /// nothing.
     pub one_sided: bool,
+    /// Whether a transform has made surfaces flat that are drawn only from their front, so that either of
+    /// their sides may be drawn. They hide nothing, whatever a hint says.
+    pub flattened: bool,
     /// Whether the object is a door leaf. The walks of some scenes pass through closed doors, so a program
     /// may leave doors out. Reference counts of a scene are taken with every door closed and drawn.
     pub door: bool,
@@ -187,6 +190,7 @@ impl SourceObject {
             opaque: true,
             see_through: false,
             one_sided: false,
+            flattened: false,
             door: false,
             never_cull: false,
             motion: None,
@@ -243,9 +247,11 @@ impl SourceObject {
         self.triangles = triangles.into();
     }
 
-    /// Applies a hint. An object that animations move hides nothing, whatever the hint.
+    /// Applies a hint. An object that animations move, or that is flattened, hides nothing, whatever the
+    /// hint.
     pub fn take(&mut self, hint: Hint) {
         match hint {
+            Hint::Occluder if self.flattened => {}
             Hint::Occluder => (self.opaque, self.see_through) = (self.motion.is_none(), false),
             Hint::Detail => self.opaque = false,
             Hint::Door => self.door = true,

@@ -80,7 +80,7 @@ impl Cache {
             }
         }
         while let Some(&(hidden, id)) = self.waiting.front() {
-            if hidden + self.patience > self.frame {
+            if hidden.saturating_add(self.patience) > self.frame {
                 break;
             }
             self.waiting.pop_front();
@@ -136,6 +136,21 @@ mod tests {
     use visibility_core::glam::DVec3;
     use visibility_core::pvs::{Prefetch, PvsCuller, Viewcells};
     use visibility_core::{Pipeline, Pose, View};
+
+    #[test]
+    fn the_greatest_patience_keeps_everything() {
+        let (mut scene, mut visible) = (Scene::new(), VisibleSet::new().with_changes());
+        scene.insert(visibility_core::Aabb::from_arrays([5.0, -1.0, -1.0], [6.0, 1.0, 1.0]));
+        let mut pipeline = Pipeline::new().with(visibility_core::FrustumCuller::new());
+        let mut cache = Cache::new(u64::MAX);
+        for x in [1.0, -1.0, 1.0, -1.0] {
+            let pose = Pose::look_at(DVec3::ZERO, DVec3::X * x, DVec3::Z);
+            let view = View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap();
+            pipeline.cull(&scene, &view, &mut visible);
+            cache.update(&scene, &visible);
+        }
+        assert_eq!((cache.traffic().loads, cache.traffic().unloads), (1, 0), "loaded once");
+    }
 
     #[test]
     fn what_a_prefetch_announces_is_there_before_it_becomes_visible() {

@@ -5,8 +5,8 @@ use std::collections::HashSet;
 use visibility_bake::{CameraRange, Grid, GridError};
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::{Viewcell, Viewcells};
-use visibility_core::scene::Triangle;
-use visibility_core::{Aabb, Object, Scene};
+use visibility_core::scene::{DrawRange, Triangle};
+use visibility_core::{Aabb, Object, ObjectId, Scene};
 use visibility_testing::Random;
 
 /// Returns the triangles of a box.
@@ -295,6 +295,34 @@ fn extremes_are_errors_or_answers() {
         "a ground with heights from NaN to infinity"
     );
     assert_eq!(grid.above(&[[DVec3::NAN; 3]], &CameraRange::default()), Ok(Vec::new()), "a ground at NaN");
+}
+
+/// A scene in memory and a level in a file have the same free space: both count occluders as levels do.
+#[test]
+fn walls_that_are_never_culled_or_not_always_drawn_are_not_solid() {
+    let world = World {
+        boxes: vec![
+            (DVec3::new(0.0, 0.0, -0.5), DVec3::new(12.0, 2.0, 0.0)),
+            (DVec3::new(7.0, 0.0, 0.0), DVec3::new(7.5, 2.0, 4.0)),
+        ],
+        up: 2,
+    };
+    let grid = Grid::new(DVec3::ZERO, DVec3::splat(2.0)).unwrap();
+    let count = |scene: &Scene| {
+        let (eye, max) = (DVec3::new(1.0, 1.0, 1.7), DVec3::new(12.0, 2.0, 4.0));
+        grid.free(scene, &[eye], &CameraRange::default(), DVec3::ZERO, max).unwrap().len()
+    };
+    assert_eq!(count(&world.scene()), 8, "up to the wall");
+    let changes: [fn(&mut Scene, ObjectId); 2] = [
+        |scene, wall| scene.set_never_cull(wall, true).unwrap(),
+        |scene, wall| scene.set_draw_range(wall, DrawRange { end: 50.0, ..DrawRange::ALWAYS }).unwrap(),
+    ];
+    for change in changes {
+        let mut scene = world.scene();
+        let wall = scene.id_at(1).unwrap();
+        change(&mut scene, wall);
+        assert_eq!(count(&scene), 12, "beyond the wall as well");
+    }
 }
 
 #[test]

@@ -2,9 +2,10 @@
 //!
 //! Curves become chords. Coordinates are user units of the file, with y downwards, after the transforms of
 //! the elements. Percentages are of the file's `viewBox`. `use`, nested `svg` elements and transforms in
-//! style sheets would move walls, so a file with any of these is refused rather than read wrongly. Elements
-//! that are not drawn in place (definitions, clip paths, masks, markers, patterns, symbols) or not displayed
-//! (`display: none`) make no walls.
+//! style sheets would move walls, and `display` and `visibility` in style sheets would hide some, as may
+//! style sheets of other files, so a file with any of these is refused rather than read wrongly. Elements
+//! that are not drawn in place (definitions, clip paths, masks, markers, patterns, symbols), not displayed
+//! (`display: none`) or not visible (`visibility: hidden` or `collapse`) make no walls.
 
 use super::plan_file::{PlanFile, Problem, check};
 use kurbo::{Affine, CubicBez, ParamCurve, Point, QuadBez};
@@ -21,6 +22,11 @@ const UNDRAWN: [&str; 6] = ["defs", "clipPath", "mask", "marker", "pattern", "sy
 
 const MOVED: &str = "only the attribute `transform` may move what is drawn";
 
+const STYLED: &str = "only an element's own `display` and `visibility` may hide what is drawn";
+
+/// Names of style properties that hide an element.
+const HIDING: [&str; 2] = ["display", "visibility"];
+
 /// Names of style properties that move an element.
 const MOVING: [&str; 6] = ["transform", "transform-origin", "translate", "rotate", "scale", "offset-path"];
 
@@ -28,21 +34,26 @@ const MOVING: [&str; 6] = ["transform", "transform-origin", "translate", "rotate
 ///
 /// # Errors
 ///
-/// Returns the line of what is no XML, and that of an element that has invalid coordinates or moves drawn
-/// content in an unsupported way.
+/// Returns the line of what is no XML, and that of an element that has invalid coordinates or moves or hides
+/// drawn content in an unsupported way.
 pub fn read(content: &str) -> Result<PlanFile, Problem> {
     let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
     let document = Document::parse_with_options(content, options)
         .map_err(|error| Problem::new(format!("line {}", error.pos().row), error.to_string()))?;
     let mut plan = PlanFile { y_down: true, ..PlanFile::default() };
     let view_box = document.root_element().attribute("viewBox");
-    // Maps from coordinates of nodes to those of the file, by the nodes' numbers. `None` where nothing is
-    // drawn.
-    let mut maps = vec![Some(Affine::IDENTITY)];
+    // Maps from coordinates of nodes to those of the file, and whether the nodes are visible, by the nodes'
+    // numbers. `None` where nothing is drawn.
+    let mut maps = vec![Some((Affine::IDENTITY, true))];
     for node in document.descendants().skip(1) {
         let outer = node.parent().and_then(|parent| *maps.get(parent.id().get_usize())?);
         let map = map_of(node, outer).and_then(|map| {
-            map.map_or(Ok(()), |map| element(node, view_box, map, &mut plan))?;
+            let Some((to_file, is_visible)) = map else { return Ok(None) };
+            let before = plan.walls.len();
+            element(node, view_box, to_file, &mut plan)?;
+            if !is_visible {
+                plan.walls.truncate(before);
+            }
             Ok(map)
         });
         let line = || format!("line {}", document.text_pos_at(node.range().start).row);
@@ -51,33 +62,61 @@ pub fn read(content: &str) -> Result<PlanFile, Problem> {
     Ok(plan)
 }
 
-/// Returns the map from coordinates of a node to those of the file, given that of the node around it. `None`
-/// for a node that is not drawn. An error if something other than the attribute `transform` moves what is
-/// drawn.
-fn map_of(node: Node<'_, '_>, outer: Option<Affine>) -> Result<Option<Affine>, String> {
+/// Returns the map from coordinates of a node to those of the file, and whether the node is visible, given
+/// those of the node around it. `None` for a node that is not drawn. An error if something other than the
+/// attribute `transform` moves what is drawn, or a style sheet may hide it.
+fn map_of(node: Node<'_, '_>, outer: Option<(Affine, bool)>) -> Result<Option<(Affine, bool)>, String> {
     let name = node.tag_name().name();
-    let is_moving = |style: &str| {
-        properties(style).any(|(name, _)| MOVING.iter().any(|moving| name.eq_ignore_ascii_case(moving)))
-    };
+    if node.pi().is_some_and(|pi| pi.target == "xml-stylesheet") {
+        return Err(STYLED.into());
+    }
     // The content of a `style` element holds for the whole file.
-    if name == "style" && node.text().is_some_and(is_moving) {
+    if name == "style" {
+        let sheet: String = node.children().filter_map(|part| part.text()).collect();
+        let sheet = without_comments(&sheet);
+        if has_any(&sheet, &MOVING) {
+            return Err(MOVED.into());
+        }
+        if has_any(&sheet, &HIDING) || sheet.contains("@import") {
+            return Err(STYLED.into());
+        }
+    }
+    let style = without_comments(node.attribute("style").unwrap_or(""));
+    // Whether the element itself has a property with one of the values, as an attribute or in its style.
+    let has = |name: &str, values: &[&str]| {
+        let own = properties(&style).filter(|(of, _)| of.eq_ignore_ascii_case(name)).map(|(_, value)| value);
+        let mut own =
+            own.chain(node.attribute(name)).map(|value| value.split('!').next().unwrap_or("").trim());
+        own.any(|own| values.iter().any(|value| own.eq_ignore_ascii_case(value)))
+    };
+    let is_drawn = !has("display", &["none"]) && !UNDRAWN.contains(&name);
+    let Some((outer, is_outer_visible)) = outer.filter(|_| is_drawn) else { return Ok(None) };
+    if node.has_attribute("transform-origin") || has_any(&style, &MOVING) {
         return Err(MOVED.into());
     }
-    let style = node.attribute("style").unwrap_or("");
-    let is_hidden = node.attribute("display").is_some_and(|display| display.trim() == "none")
-        || properties(style).any(|property| property == ("display", "none"));
-    let Some(outer) = outer.filter(|_| !is_hidden && !UNDRAWN.contains(&name)) else { return Ok(None) };
-    if node.has_attribute("transform-origin") || is_moving(style) {
-        return Err(MOVED.into());
-    }
+    // Visible elements within hidden ones are drawn.
+    let is_visible =
+        !has("visibility", &["hidden", "collapse"]) && (is_outer_visible || has("visibility", &["visible"]));
     let map: Transform = parse("transform", node.attribute("transform").unwrap_or(""))?;
-    Ok(Some(outer * Affine::new([map.a, map.b, map.c, map.d, map.e, map.f])))
+    Ok(Some((outer * Affine::new([map.a, map.b, map.c, map.d, map.e, map.f]), is_visible)))
 }
 
-/// Returns the names and values of the properties in a style or a style sheet.
+/// Returns whether a style or a style sheet sets one of the properties.
+fn has_any(style: &str, names: &[&str]) -> bool {
+    properties(style).any(|(name, _)| names.iter().any(|other| name.eq_ignore_ascii_case(other)))
+}
+
+/// Returns the names and values of the properties in a style or a style sheet without comments.
 fn properties(style: &str) -> impl Iterator<Item = (&str, &str)> {
     let parts = style.split([';', '{', '}']).filter_map(|part| part.split_once(':'));
     parts.map(|(name, value)| (name.trim(), value.trim()))
+}
+
+/// Returns a style or a style sheet with a space in the place of each comment.
+fn without_comments(style: &str) -> String {
+    let mut parts = style.split("/*");
+    let first = parts.next().unwrap_or("").to_owned();
+    parts.fold(first, |all, part| all + " " + part.split_once("*/").map_or("", |(_, after)| after))
 }
 
 /// Reads the value of the attribute `name`.
@@ -120,7 +159,10 @@ fn element(
         "line" => plan.walls.push([[number("x1")?, number("y1")?], [number("x2")?, number("y2")?]]),
         "rect" => {
             let [x, y, width, height] = [number("x")?, number("y")?, number("width")?, number("height")?];
-            plan.push_chain(&[[x, y], [x + width, y], [x + width, y + height], [x, y + height]], true);
+            // SVG does not draw a rectangle without a width or a height.
+            if width > 0.0 && height > 0.0 {
+                plan.push_chain(&[[x, y], [x + width, y], [x + width, y + height], [x, y + height]], true);
+            }
         }
         name @ ("circle" | "ellipse") => {
             let [rx, ry] = if name == "circle" { [number("r")?; 2] } else { [number("rx")?, number("ry")?] };
@@ -344,6 +386,12 @@ mod tests {
             r#"<defs/><style>.a{text-transform:none}</style><path style="fill:none" d="M0 0L1 1"/>"#,
             r#"<defs id="d"><path d="M2 2L3 3"/></defs><path d="M0 0L1 1"/>"#,
             r#"<clipPath><rect width="3" height="3"/></clipPath><path d="M0 0L1 1"/>"#,
+            r#"<g style="display:none !important"><path d="M2 2L3 3"/></g><path d="M0 0L1 1"/>"#,
+            r#"<path style="/* : */Display:NONE/*;*/" d="M2 2L3 3"/><path d="M0 0L1 1"/>"#,
+            r#"<g visibility="hidden"><g><path d="M2 2L3 3"/></g></g><path d="M0 0L1 1"/>"#,
+            r#"<path style="fill:none;visibility:collapse" d="M2 2L3 3"/><path d="M0 0L1 1"/>"#,
+            r#"<g visibility="hidden"><path style="visibility: visible" d="M0 0L1 1"/></g>"#,
+            r#"<rect width="0" height="5"/><rect width="5"/><path d="M0 0L1 1"/>"#,
         ] {
             assert_eq!(walls(svg), [[[0.0, 0.0], [1.0, 1.0]]], "{svg}");
         }
@@ -370,6 +418,10 @@ mod tests {
             r#"<path d="L5 5 6 6"/>"#,
             r#"<g style="fill:none; Transform : scale(2)"><path d="M0 0L1 1"/></g>"#,
             r#"<style><![CDATA[ .a > .b { scale: 2 } ]]></style><path d="M0 0L1 1"/>"#,
+            r#"<style>.off{display:none}</style><path class="off" d="M0 0L1 1"/>"#,
+            r#"<style>@import "off.css";</style><path class="off" d="M0 0L1 1"/>"#,
+            r#"<?xml-stylesheet href="off.css"?><path class="off" d="M0 0L1 1"/>"#,
+            r#"<style>.a{fill:none}<!-- --> .off { /* : */ Visibility: hidden }</style><path d="M0 0L1 1"/>"#,
             r#"<svg x="4"><path d="M0 0L1 1"/></svg>"#,
             r##"<path id="a" d="M0 0L1 1"/><use href="#a" x="4"/>"##,
         ] {

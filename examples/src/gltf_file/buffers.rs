@@ -200,15 +200,24 @@ impl<'a> Buffers<'a> {
     }
 
     /// Reads the vertex indices of an accessor. Returns an error unless the elements are unsigned scalars of
-    /// 8, 16 or 32 bits within the accessor's buffer view.
+    /// 8, 16 or 32 bits within the accessor's buffer view, and for the greatest number of these bits: it
+    /// begins another strip for a renderer, and glTF does not allow it.
     pub(super) fn indices(&self, accessor: &Accessor<'_>) -> Result<Vec<u32>, SourceError> {
-        let index: fn(&[u8]) -> u32 = match (accessor.data_type(), accessor.dimensions()) {
-            (DataType::U8, Dimensions::Scalar) => |b| u32::from(b[0]),
-            (DataType::U16, Dimensions::Scalar) => |b| u32::from(u16::from_le_bytes([b[0], b[1]])),
-            (DataType::U32, Dimensions::Scalar) => |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]),
+        let (index, greatest): (fn(&[u8]) -> u32, u32) = match (accessor.data_type(), accessor.dimensions()) {
+            (DataType::U8, Dimensions::Scalar) => (|b| b[0].into(), u8::MAX.into()),
+            (DataType::U16, Dimensions::Scalar) => {
+                (|b| u16::from_le_bytes([b[0], b[1]]).into(), u16::MAX.into())
+            }
+            (DataType::U32, Dimensions::Scalar) => {
+                (|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]), u32::MAX)
+            }
             _ => return Err(self.wrong(accessor, "indices must be unsigned whole numbers")),
         };
-        Ok(self.elements(accessor, MOST_ZEROS)?.iter().map(index).collect())
+        let indices: Vec<u32> = self.elements(accessor, MOST_ZEROS)?.iter().map(index).collect();
+        if indices.contains(&greatest) {
+            return Err(self.wrong(accessor, format!("index {greatest} is reserved, and no vertex")));
+        }
+        Ok(indices)
     }
 
     /// Makes an error that names the accessor by its index, with a description of the problem.

@@ -9,7 +9,7 @@ use super::camera::Camera;
 use super::materials::TRANSMITTING;
 use super::unread::Unread;
 use crate::error::SourceError;
-use crate::json;
+use crate::json::{self, list};
 use glam::{DMat4, DQuat, DVec3};
 use gltf::json::material::AlphaMode;
 use gltf::json::validation::{Checked, Error, Validate};
@@ -26,14 +26,15 @@ pub(super) struct Document {
     /// Transforms from each node's space to its parent's, by node index, in the f64 precision of the JSON
     /// text.
     pub transforms: Vec<LocalTransform>,
-    /// Whether an animation by `KHR_animation_pointer` or an extension that is not read may move the node, by
-    /// node index. Where to is unknown.
+    /// Whether an animation by `KHR_animation_pointer` or an extension that is not known may move the node,
+    /// by node index. Where to is unknown.
     pub is_pointed_at: Vec<bool>,
     /// Whether an animation by `KHR_animation_pointer` or a graph of `KHR_interactivity` may show the node
     /// though it is hidden at rest, by node index.
     pub is_shown: Vec<bool>,
     /// Whether an animation by `KHR_animation_pointer` or a graph of `KHR_interactivity` changes morph
-    /// weights of the mesh, by mesh index. Their values are not read.
+    /// weights of the mesh, or an extension that is not known may change its shape, by mesh index. Their
+    /// values are not read.
     pub is_mesh_pointed_at: Vec<bool>,
     /// Perspective cameras of the nodes.
     pub cameras: Vec<Camera>,
@@ -128,6 +129,9 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
         wrong(&key, format!("{index} is beyond all indices, of which there are at most 2^32"))
     })?;
     let cameras = Camera::all(&root, &nodes.with_camera);
+    let mut is_mesh_pointed_at: Vec<bool> =
+        list(&root, "meshes").iter().map(|mesh| is_reshaped(mesh, &root)).collect();
+    let is_figure = FIGURES.iter().any(|name| root.pointer(&format!("/extensions/{name}")).is_some());
     let mut unread = Unread::new(&root, nodes.with_camera.len());
     let graphs = pointers_within(root.pointer("/extensions/KHR_interactivity"));
     let pointers = strip(&mut root);
@@ -139,7 +143,8 @@ pub(super) fn read<'a>(bytes: &'a [u8], path: &Path) -> Result<(Document, Option
     root.nodes = nodes.read.map_err(unreadable)?;
     let mut is_pointed_at = nodes.is_pointed_at;
     let mut is_shown = vec![false; root.nodes.len()];
-    let mut is_mesh_pointed_at = vec![false; root.meshes.len()];
+    is_pointed_at.iter_mut().for_each(|is_pointed_at| *is_pointed_at |= is_figure);
+    is_mesh_pointed_at.resize(root.meshes.len(), false);
     // Each target once: with a variable for its index, a pointer names all items.
     let targets: BTreeSet<String> = pointers.iter().chain(&graphs).map(|pointer| target(pointer)).collect();
     let items: BTreeSet<&str> = targets.iter().map(|target| item(target)).collect();
@@ -220,8 +225,82 @@ impl NodeReader {
     }
 }
 
+/// Extensions of nodes that neither move them nor draw other shapes in their place, or that are read.
+const OF_NODES: [&str; 24] = [
+    "AGI_stk_metadata",
+    "EXT_instance_features",
+    "EXT_lights_ies",
+    "EXT_mesh_gpu_instancing",
+    "EXT_structural_metadata",
+    "GRIFFEL_bim_data",
+    "KHR_audio",
+    "KHR_audio_emitter",
+    "KHR_lights_punctual",
+    "KHR_node_hoverability",
+    "KHR_node_selectability",
+    "KHR_node_visibility",
+    "KHR_physics_rigid_bodies",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+    "MSFT_audio_emitter",
+    "OMI_audio_emitter",
+    "OMI_collider",
+    "OMI_link",
+    "OMI_physics_body",
+    "OMI_physics_joint",
+    "OMI_physics_shape",
+    "OMI_seat",
+    "OMI_spawn_point",
+];
+
+/// Extensions of meshes and primitives that leave their triangles as they are without the extensions, or that
+/// are read.
+const OF_MESHES: [&str; 13] = [
+    "CESIUM_primitive_outline",
+    "EXT_feature_metadata",
+    "EXT_mesh_features",
+    "EXT_mesh_manifold",
+    "EXT_primitive_voxels",
+    "EXT_structural_metadata",
+    "FB_ngon_encoding",
+    "GRIFFEL_bim_data",
+    "KHR_draco_mesh_compression",
+    "KHR_gaussian_splatting",
+    "KHR_materials_variants",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+];
+
+/// Extensions of a document whose nodes are the bones of figures, which a program moves by the springs and
+/// constraints of the file and by motions of its own.
+const FIGURES: [&str; 3] = ["VRM", "VRMC_springBone", "VRMC_vrm"];
+
+/// Returns whether a part of a document has an extension that is not among those `known`.
+fn has_other_extension(part: &Value, known: &[&str]) -> bool {
+    let extensions = part.get("extensions").and_then(Value::as_object);
+    extensions.is_some_and(|extensions| extensions.keys().any(|name| !known.contains(&name.as_str())))
+}
+
+/// Returns whether an extension may change the triangles of a mesh: one of the mesh, of a primitive, or of an
+/// accessor of its vertices or indices, such as `MPEG_accessor_timed`, whose data are a stream.
+fn is_reshaped(mesh: &Value, root: &Value) -> bool {
+    let of_accessor = |index: &Value| {
+        let accessor =
+            index.as_u64().and_then(|index| list(root, "accessors").get(usize::try_from(index).ok()?));
+        accessor.is_some_and(|accessor| has_other_extension(accessor, &[]))
+    };
+    let of_primitive = |primitive: &Value| {
+        let parts = primitive.get("attributes").into_iter().chain(list(primitive, "targets"));
+        let parts = parts.filter_map(Value::as_object);
+        has_other_extension(primitive, &OF_MESHES)
+            || parts.flat_map(Map::values).chain(primitive.get("indices")).any(of_accessor)
+    };
+    has_other_extension(mesh, &OF_MESHES) || list(mesh, "primitives").iter().any(of_primitive)
+}
+
 /// Returns whether an extension of a node may move it, as a body of a simulation that is not static, or draw
-/// other shapes in its place, as coarser levels of detail, which need not lie within its bounds.
+/// other shapes in its place, as coarser levels of detail, which need not lie within its bounds. So may each
+/// extension that is not known.
 fn is_replaced(node: &Value) -> bool {
     let Some(extensions) = node.get("extensions") else { return false };
     let is_static = |body: &Value| {
@@ -230,7 +309,7 @@ fn is_replaced(node: &Value) -> bool {
     };
     extensions.pointer("/KHR_physics_rigid_bodies/motion").is_some()
         || extensions.get("OMI_physics_body").is_some_and(|body| !is_static(body))
-        || extensions.get("MSFT_lod").is_some()
+        || has_other_extension(node, &OF_NODES)
 }
 
 /// JSON text of a GLB, and its binary chunk if it has one.

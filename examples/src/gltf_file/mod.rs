@@ -28,7 +28,7 @@ use document::Document;
 use glam::{DAffine3, DMat4, DVec3, Vec3};
 use gltf::mesh::{Mode, Semantic};
 use instances::{Instances, instance_count};
-use motion::{Box64, EMPTY, Motion, MovedBox, around, corners as box_corners, union};
+use motion::{Box64, EMPTY, Motion, MovedBox, around, corners as box_corners, image_at_rest, union};
 use nodes::Nodes;
 use serde_json::Value;
 use shape::Shape;
@@ -321,7 +321,13 @@ impl Collector<'_> {
                 if one_sided && is_flat(&(self.nodes.worlds[node.index()] * *instance)) {
                     // Which side of a flattened surface is its front depends on a renderer's rounding: it may
                     // be seen from either, and hides nothing.
-                    object = SourceObject { opaque: false, see_through: true, one_sided: false, ..object };
+                    object = SourceObject {
+                        opaque: false,
+                        see_through: true,
+                        one_sided: false,
+                        flattened: true,
+                        ..object
+                    };
                 }
                 self.objects.push(object);
             }
@@ -369,9 +375,7 @@ impl Collector<'_> {
         let (mover, mut all) = (self.at_rest.len(), EMPTY);
         for (node, to_node, bounds) in primitive.shape.boxes(node.index(), instance, &primitive.order) {
             object.never_cull |= is_pointed_at[node];
-            let world = self.nodes.worlds[node] * to_node;
-            let at_rest = around(box_corners(bounds).map(|corner| world.transform_point3(corner)));
-            all = union(all, at_rest);
+            all = union(all, image_at_rest(self.nodes.worlds[node], to_node, bounds));
             self.moved.push(MovedBox { mover, node, to_node, bounds });
         }
         self.at_rest.push((self.objects.len(), all));

@@ -43,8 +43,9 @@ const STEPS: usize = 512;
 const MOST_STEPS: usize = 16;
 /// Maximum amount of work: the number of node transforms and boxes, summed over all steps of all clips.
 const MOST_WORK: usize = 1 << 24;
-/// Relative difference between poses in `f32` and in `f64`, as a fraction of a point's distance: sixteen
-/// roundings of 2^-24 for each node in a chain of about ten.
+/// Relative difference between poses in `f32` and in `f64`, as a fraction of a point's distance from a node:
+/// sixteen roundings of 2^-24 for each node in a chain of about ten. A node that turns moves what is below it
+/// by this fraction of the distance from the turning node, however near the node below is.
 const ROUNDING: f64 = 1e-5;
 /// Greatest absolute dot product of two keys' unit quaternions whose rotations count as half a turn apart.
 /// Which of the two arcs between them is shorter then depends on the rounding of a renderer in `f32`: the sum
@@ -339,8 +340,8 @@ impl Clip {
         // rotation by an angle moves a unit vector by at most twice the sine of half the angle.
         let turn = 2.0 * (angle.min(std::f64::consts::PI) * 0.5).sin();
         let growing = wider.max_element() + turn * scale.abs().max_element();
-        let matrix = DMat4::from_scale_rotation_translation(scale, rotation, translation);
-        ErrorMap { norm: norm(&matrix), matrix, fixed: beside, growing }
+        let pose = ErrorMap::rounded(DMat4::from_scale_rotation_translation(scale, rotation, translation));
+        ErrorMap { fixed: beside, growing: pose.growing + growing, ..pose }
     }
 }
 
@@ -479,6 +480,12 @@ impl Channel {
     }
 }
 
+/// Returns a box that contains the images of all points of a box at rest, as a renderer computes them in
+/// `f32`. `to_node` maps the space of the box to that of a node, and `world` the node's to world space.
+pub(super) fn image_at_rest(world: DMat4, to_node: DMat4, bounds: Box64) -> Box64 {
+    ErrorMap::rounded(world).after(&ErrorMap::exact(to_node)).image(bounds)
+}
+
 /// Affine map with bounds on its error. The image of a point p differs from `matrix * p` by at most `fixed`
 /// along each axis, plus `growing * |p|`.
 #[derive(Clone, Copy)]
@@ -494,6 +501,12 @@ impl ErrorMap {
     /// Returns the map of a matrix, with zero error.
     fn exact(matrix: DMat4) -> Self {
         Self { norm: norm(&matrix), matrix, fixed: DVec3::ZERO, growing: 0.0 }
+    }
+
+    /// Returns the map of a matrix whose linear part a renderer rounds to `f32`.
+    fn rounded(matrix: DMat4) -> Self {
+        let exact = Self::exact(matrix);
+        Self { growing: ROUNDING * exact.norm, ..exact }
     }
 
     /// Returns the map that applies `inner` and then this map. For the bound on its error, with q = inner(p):

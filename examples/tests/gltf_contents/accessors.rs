@@ -140,6 +140,23 @@ fn sparse_accessors_replace_elements_of_a_view_or_of_zeros() {
     );
 }
 
+/// A renderer takes the greatest index of a type for the end of a strip, whatever the number of vertices.
+#[test]
+fn the_greatest_index_of_a_type_is_no_vertex() {
+    for (component, greatest) in [(5121, 255_u32), (5123, 65535)] {
+        let mut file = File::new();
+        let mesh = file.mesh(&vec![[1.0, 2.0, 3.0]; greatest as usize + 1]);
+        file.node(json!({"mesh": mesh}));
+        let size = if component == 5121 { 1 } else { 2 };
+        let list = |last: u32| [0, 1, last].map(|index| index.to_le_bytes()[..size].to_vec()).concat();
+        for (last, is_read) in [(greatest - 1, true), (greatest, false)] {
+            let indices = file.accessor(&list(last), component, "SCALAR", 3);
+            file.root["meshes"][0]["primitives"][0]["indices"] = json!(indices);
+            assert_eq!(file.read().is_ok(), is_read, "index {last} of type {component}");
+        }
+    }
+}
+
 #[test]
 fn draco_is_named_with_what_to_run() {
     let mut file = triangle();

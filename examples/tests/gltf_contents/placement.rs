@@ -6,7 +6,7 @@ use serde_json::json;
 use std::path::Path;
 use visibility_examples::gltf_file::parse_as;
 use visibility_examples::walkthrough::World;
-use visibility_examples::{Reading, SceneSource};
+use visibility_examples::{Hint, Reading, SceneSource};
 
 /// Returns a file with a board and a box behind the board's edge. Both are below a root node at `x`.
 fn edge(x: f64) -> File {
@@ -202,6 +202,10 @@ fn flattened_surfaces_hide_only_if_both_sides_are_drawn() {
             assert_eq!(first.see_through, !first.opaque, "nothing is behind it for sure: {case}");
             assert_eq!(first.one_sided, !two_sided && is_certain, "it may be seen from both sides: {case}");
             assert!(scene.objects[1..].iter().all(|object| object.opaque), "others: {case}");
+            // A hint, as `--occluder` gives it, makes no wall of what may face either way.
+            let mut hinted = first.clone();
+            hinted.take(Hint::Occluder);
+            assert_eq!(hinted, *first, "with a hint: {case}");
         }
     }
 }

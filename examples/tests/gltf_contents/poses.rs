@@ -8,7 +8,7 @@ use std::path::Path;
 use visibility_examples::gltf_file::parse;
 use visibility_examples::pvs::built::polygons;
 use visibility_examples::walkthrough::{World, auto::advise};
-use visibility_examples::{CameraKey, Hint, Walk};
+use visibility_examples::{CameraKey, Hint, SourceObject, Walk};
 use visibility_testing::allocations::{LIVE, PEAK};
 
 /// Returns a file with a triangle skinned to two joints. The first two corners follow the first joint only,
@@ -250,6 +250,12 @@ fn what_an_extension_moves_or_replaces_is_never_culled_and_hides_nothing() {
         (json!({"OMI_physics_body": {"motion": {}}}), json!({}), [true, false]),
         (json!({"OMI_physics_body": {"collider": 0}}), json!({}), [false, false]),
         (json!({"MSFT_lod": {"ids": [2]}}), json!({}), [true, false]),
+        (json!({"AGI_articulations": {"articulationName": "arm"}}), json!({}), [true, false]),
+        (json!({"VRMC_node_constraint": {"constraint": {}}}), json!({}), [true, false]),
+        (json!({"KHR_lights_punctual": {"light": 0}, "OTHER_tool": {}}), json!({}), [true, false]),
+        (json!({"KHR_lights_punctual": {"light": 0}}), json!({}), [false, false]),
+        (json!({}), json!({"VRMC_springBone": {"springs": []}}), [true, true]),
+        (json!({}), json!({"OTHER_tool": {}}), [false, false]),
         (json!({}), graph("/nodes/1/translation"), [false, true]),
         (json!({}), graph("/nodes/{it}/translation"), [true, true]),
         (json!({}), graph("/meshes/0/weights"), [true, false]),
@@ -266,6 +272,20 @@ fn what_an_extension_moves_or_replaces_is_never_culled_and_hides_nothing() {
         let objects = || scene.objects.iter();
         assert_eq!(objects().map(|object| object.never_cull).collect::<Vec<_>>(), expected, "{case}");
         assert_eq!(objects().map(|object| !object.opaque).collect::<Vec<_>>(), expected, "hides: {case}");
+    }
+    // Extensions of the first mesh, its primitive, and the accessor of its positions.
+    for (place, extension, expected) in [
+        ("/meshes/0", "OTHER_tool", true),
+        ("/meshes/0", "KHR_xmp_json_ld", false),
+        ("/meshes/0/primitives/0", "OTHER_tool", true),
+        ("/meshes/0/primitives/0", "EXT_mesh_features", false),
+        ("/accessors/0", "MPEG_accessor_timed", true),
+    ] {
+        let mut file = triangle();
+        file.root.pointer_mut(place).expect("a part")["extensions"] = json!({extension: {}});
+        let scene = file.scene();
+        let SourceObject { never_cull, opaque, .. } = scene.objects[0];
+        assert_eq!((never_cull, opaque), (expected, !expected), "{extension} of {place}");
     }
     // A graph may also show what is hidden, and make a material transparent.
     let mut file = triangle();
@@ -469,6 +489,55 @@ proptest! {
         let (size, tight) = ((high - low).length(), (most - least).length());
         let is_wild = channels.iter().any(|(_, part, _, kind)| (*part, *kind) == (1, "CUBICSPLINE"));
         prop_assert!(is_wild || size <= 4.0 * tight + 0.1, "{size} for {tight}");
+    }
+}
+
+/// A renderer turns an arm of 1 km in `f32`: errors of its turn are a thousand times as great at its end.
+#[test]
+fn poses_in_single_precision_are_within_the_bounds() {
+    let turn = [0.361_030_7, -0.039_097_5, 0.858_816_3, 0.361_334_9];
+    let cube = [[-0.05; 3], [0.05; 3], [0.05, -0.05, 0.05]];
+    let arm = Vec3::Y * 1000.0;
+    // A child at the end of an arm that a clip turns; its grandchild; a mesh with the arm in its bind matrix.
+    for case in ["child", "grandchild", "skin"] {
+        let mut file = File::new();
+        let mesh = file.mesh(&cube);
+        let values = file.floats(&[turn]);
+        match case {
+            "child" => {
+                file.node(json!({"children": [1]}));
+                file.push("nodes", json!({"mesh": mesh, "translation": arm.to_array()}));
+                file.clip(0, "rotation", &[0.0], values, "STEP");
+            }
+            "grandchild" => {
+                file.node(json!({"children": [1]}));
+                file.push("nodes", json!({"translation": arm.to_array(), "children": [2]}));
+                file.push("nodes", json!({"mesh": mesh}));
+                file.clip(0, "rotation", &[0.0], values, "STEP");
+            }
+            _ => {
+                file.node(json!({"mesh": mesh, "skin": 0}));
+                file.node(json!({"rotation": turn}));
+                let joints = file.accessor(&[0; 12], 5121, "VEC4", 3);
+                let weights = file.floats(&[[1.0, 0.0, 0.0, 0.0]; 3]);
+                let bind = file.floats(&[glam::Mat4::from_translation(arm).to_cols_array()]);
+                file.root["skins"] = json!([{"joints": [1], "inverseBindMatrices": bind}]);
+                let attributes = &mut file.root["meshes"][0]["primitives"][0]["attributes"];
+                (attributes["JOINTS_0"], attributes["WEIGHTS_0"]) = (json!(joints), json!(weights));
+            }
+        }
+        let (low, high) = motion(&file);
+        let exact = DQuat::from_array(turn.map(f64::from)).normalize();
+        for corner in cube.map(Vec3::from_array) {
+            let pose = glam::Mat4::from_quat(Quat::from_array(turn)) * glam::Mat4::from_translation(arm);
+            let point = pose.transform_point3(corner);
+            let away = (exact * (arm + corner).as_dvec3()).distance(point.as_dvec3());
+            assert!(low.cmple(point).all() && high.cmpge(point).all(), "{case}: {point} of {low} to {high}");
+            assert!(away < 1e-3, "{case}: the pose is {away} m from the exact one");
+        }
+        // The margin is 1e-5 of the arm.
+        let rest = if case == "skin" { Vec3::splat(0.2) } else { Vec3::splat(1e4) };
+        assert!((high - low).cmplt(rest).all(), "{case}: not larger than need be: {low} to {high}");
     }
 }
 

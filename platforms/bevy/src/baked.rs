@@ -112,10 +112,14 @@ impl BakedLevel {
     /// larger than the box around its mesh. The position of the entity within the box is not checked. Without
     /// a version, an edit inside a box, such as a new door, is not noticed, and the culler is approximate.
     ///
+    /// World space must be that of the bake: a set of objects relative to another origin than that of world
+    /// space is refused. `bake` takes another origin, and prints it, for content more than 4 km away from
+    /// that of its file; move the content there before the bake.
+    ///
     /// # Errors
-    /// [`BakedSetError::OtherScene`] if the boxes differ in any bit from those that the set was baked from.
-    /// [`BakedSetError::OtherVersion`] for another version. Other errors if the bytes are damaged or of
-    /// another format.
+    /// [`BakedSetError::OtherScene`] if the boxes differ in any bit from those that the set was baked from,
+    /// or if the set has another origin. [`BakedSetError::OtherVersion`] for another version. Other errors if
+    /// the bytes are damaged or of another format.
     pub fn read(
         file: &[u8],
         version: Option<u64>,

@@ -403,7 +403,9 @@ impl VisibilityScene {
         let is_drawn = layers != 0 && layers & OTHER_LAYERS == 0 && !item.range;
         // The object's bounds must be those of the mesh.
         let is_bounded = item.sphere.is_none() && !item.is_never_culled();
-        let has_asset = item.mesh.is_none_or(|mesh| !self.removed_meshes.contains(&mesh.id()));
+        // Assets whose data is kept for the render world alone stay in `Assets`, without the data.
+        let exists = |asset: AssetId<Mesh>| meshes.contains(asset) && !self.removed_meshes.contains(&asset);
+        let has_asset = item.mesh.is_none_or(|mesh| exists(mesh.id()));
         if !is_drawn || !is_bounded || !has_asset || item.skinned || item.morphed || !can_occlude(transform) {
             return None;
         }

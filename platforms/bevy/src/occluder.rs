@@ -12,11 +12,13 @@ use visibility_core::glam::Vec3;
 ///
 /// The entity must be drawn opaque, by a mesh that covers at least what the occluder covers: no transparent
 /// material, no alpha mask, no vertex shader that moves the mesh elsewhere. Faces only occlude as seen from
-/// their front, since they are drawn with back-face culling.
+/// their front, since they are drawn with back-face culling. A material with `cull_mode: Some(Face::Front)`
+/// draws the backs alone, so that what is between a front and a back is seen: give such an entity no occluder
+/// but an [`Occluder::Custom`] of the triangles turned round.
 ///
-/// bevy draws an entity only once its material is loaded and its pipeline is compiled. The occluder does not
-/// wait for these: until then, what is behind it is hidden by a wall that is not drawn. Where that shows,
-/// insert the component once the entity is drawn.
+/// bevy draws an entity only once its mesh and its material are loaded and its pipeline is compiled. The
+/// occluder waits for the mesh, and not for the others: until then, what is behind it is hidden by a wall
+/// that is not drawn. Where that shows, insert the component once the entity is drawn.
 ///
 /// Walls, floors, terrain and houses are good occluders. Small things, and meshes with many triangles, cost
 /// more than they save: give these a simpler occluder that lies inside of them, or none.

@@ -246,15 +246,28 @@ fn scale(wall: &mut EntityWorldMut, x: f32) {
 
 #[test]
 fn a_mesh_that_is_loaded_late_or_changed_is_followed() {
-    let mut app = wall_before_thing(Occluder::Mesh);
-    assert!(!is_seen(&mut app, 1), "the wall hides the thing");
-    let wall = entity(&mut app, Number(0)).unwrap();
-    let late = app.world().resource::<Assets<Mesh>>().reserve_handle();
-    app.world_mut().entity_mut(wall).insert(Mesh3d(late.clone()));
-    assert!(is_seen(&mut app, 1), "no mesh yet");
+    let unit = visibility_core::Aabb::from_arrays([-0.5; 3], [0.5; 3]);
+    let custom = Occluder::Custom(Arc::new(OccluderMesh::cuboid(&unit).unwrap()));
     let whole = || Cuboid::from_length(1.0).mesh().build();
-    app.world_mut().resource_mut::<Assets<Mesh>>().insert(&late, whole()).unwrap();
-    assert!(!is_seen(&mut app, 1), "loaded");
+    let mut app = wall_before_thing(Occluder::Mesh);
+    let wall = entity(&mut app, Number(0)).unwrap();
+    let mut late = Handle::default();
+    for occluder in [custom, Occluder::Box, Occluder::Mesh] {
+        app.world_mut().entity_mut(wall).insert(occluder.clone());
+        assert!(!is_seen(&mut app, 1), "the wall hides the thing: {occluder:?}");
+        late = app.world().resource::<Assets<Mesh>>().reserve_handle();
+        app.world_mut().entity_mut(wall).insert(Mesh3d(late.clone()));
+        assert!(is_seen(&mut app, 1), "no mesh yet: {occluder:?}");
+        app.world_mut().resource_mut::<Assets<Mesh>>().insert(&late, whole()).unwrap();
+        assert!(!is_seen(&mut app, 1), "loaded: {occluder:?}");
+        app.world_mut().entity_mut(wall).remove::<Occluder>();
+        app.world_mut().resource_mut::<Assets<Mesh>>().remove(&late);
+        assert!(is_seen(&mut app, 1), "no occluder and no mesh: {occluder:?}");
+        app.world_mut().entity_mut(wall).insert(occluder.clone());
+        assert!(is_seen(&mut app, 1), "an occluder whose mesh went before it came: {occluder:?}");
+        app.world_mut().resource_mut::<Assets<Mesh>>().insert(&late, whole()).unwrap();
+    }
+    assert!(!is_seen(&mut app, 1), "loaded again");
     let narrow = Cuboid::new(0.01, 1.0, 1.0).mesh().build();
     app.world_mut().resource_mut::<Assets<Mesh>>().insert(&late, narrow).unwrap();
     assert!(is_seen(&mut app, 1), "changed");

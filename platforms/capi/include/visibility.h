@@ -963,7 +963,9 @@ enum vis_status vis_cells_create(const struct vis_graph *graph,
                                  struct vis_cells **cells);
 
 // Makes cells and portals from the triangles of a scene's occluders that are always drawn, where they are
-// now: space is divided along large walls, and every gap between triangles becomes an open portal. An
+// now: space is divided along large walls, and every gap between triangles becomes an open portal, unless it
+// is narrower than 2^-20 of the greatest coordinate relative to the scene's origin, or 2^-36 of that in the
+// world. An
 // occluder with a draw range, an HLOD parent or HLOD children is not always drawn, nor is one on no layer:
 // it is no wall. `max_cells` is the greatest number of cells; 0 for the default, 16,384. Writes the number
 // of cells to `cell_count`, which may be null. It is 0 where all space sees the backs of one-sided
@@ -1273,9 +1275,10 @@ enum vis_status vis_reflections_create(const struct vis_cells *cells,
 void vis_reflections_destroy(struct vis_reflections *reflections);
 
 // Appends portal culling as `vis_pipeline_add_portals` does, which also finds the reflections. They are
-// those of the pipeline's last frame, so each pipeline needs reflections of its own. Conservative. If the
-// pipeline has contribution culling, it culls what mirrors show as well, by sizes in the mirror and
-// distances from the eye of the camera, so that mirrors show the objects that the camera shows.
+// those of the pipeline's last frame, so each pipeline needs reflections of its own: returns
+// `VIS_ERROR_STATE` if a pipeline has these. Conservative. If the pipeline has contribution culling, it
+// culls what mirrors show as well, by sizes in the mirror and distances from the eye of the camera, so that
+// mirrors show the objects that the camera shows.
 enum vis_status vis_pipeline_add_reflections(struct vis_pipeline *pipeline,
                                              const struct vis_reflections *reflections);
 

@@ -315,6 +315,12 @@ fn what_is_wrong_with_mirrors_is_refused_by_name() {
             9,
         );
         let other = make(vis_pipeline_create);
+        returns(vis_pipeline_add_reflections(other, of), VIS_ERROR_STATE);
+        assert_eq!(
+            message(),
+            "a pipeline has these reflections: create others for each pipeline",
+            "two pipelines"
+        );
         ok(vis_pipeline_add_reflections(other, none));
         ok(vis_view_set_perspective(view, &raw const pose, 1.2, 1.5, 0.05, 100.0));
         ok(vis_pipeline_cull(other, scene, view, visible, null_mut()));

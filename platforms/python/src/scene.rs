@@ -72,19 +72,21 @@ impl Scene {
         Some((OccluderMesh::CUBOID.into_iter().map(triangle).collect::<Option<_>>()?, hides))
     }
 
-    /// Inserts an object. With triangles it may hide others.
+    /// Inserts an object. With triangles it may hide others. `two_sided` as for the scene, which `None`
+    /// means.
     pub(crate) fn insert(
         &mut self,
         bounds: Aabb,
         triangles: Option<Vec<Triangle>>,
         occluder: bool,
+        two_sided: Option<bool>,
     ) -> PyResult<ObjectId> {
         let occluder = occluder && triangles.is_some();
+        let two_sided = two_sided.unwrap_or(self.two_sided);
         // Also what joins occluders, proves and bakes reads the flag, beside the mesh that is prepared below.
-        let one_sided = !self.two_sided;
-        let id = self.scene.insert(Object { occluder, one_sided, ..Object::new(bounds) });
+        let id = self.scene.insert(Object { occluder, one_sided: !two_sided, ..Object::new(bounds) });
         if let Some(triangles) = triangles {
-            let settings = Preparation::default().with_two_sided(self.two_sided);
+            let settings = Preparation::default().with_two_sided(two_sided);
             let mesh = if occluder { prepare(&triangles, &settings) } else { None };
             let placed = self.scene.set_triangles(id, triangles).and_then(|()| {
                 let Some(mesh) = mesh else { return Ok(()) };

@@ -57,7 +57,7 @@ impl Scene {
             let mut ids = Vec::with_capacity(boxes.len());
             for &corners in boxes {
                 let (triangles, hides) = self.box_triangles(corners).unzip();
-                ids.push(self.insert(self.bounds_of(corners), triangles, hides == Some(true))?);
+                ids.push(self.insert(self.bounds_of(corners), triangles, hides == Some(true), None)?);
             }
             Ok::<_, PyErr>(ids)
         })?;
@@ -66,14 +66,16 @@ impl Scene {
 
     /// Adds an object of triangles: positions (n, 3) float64 and indices (m, 3) of uint32, int32 or int64,
     /// counter-clockwise as seen from outside. Returns its number. occluder: whether it hides what is behind
-    /// it; choose False for glass and leaves.
-    #[pyo3(signature = (positions, triangles, *, occluder=true))]
+    /// it; choose False for glass and leaves. two_sided: whether its triangles show and hide from behind as
+    /// well; None for what the scene says.
+    #[pyo3(signature = (positions, triangles, *, occluder=true, two_sided=None))]
     fn add_mesh(
         &mut self,
         py: Python<'_>,
         positions: &Bound<'_, PyAny>,
         triangles: &Bound<'_, PyAny>,
         occluder: bool,
+        two_sided: Option<bool>,
     ) -> PyResult<u32> {
         let positions = arrays::floats("positions", positions, POINTS_3D)?;
         let indices = arrays::indices("triangles", triangles, POINTS_3D)?;
@@ -99,7 +101,7 @@ impl Scene {
             if made.is_empty() {
                 return Err(refused("triangles", "there are none"));
             }
-            self.insert(Aabb::from_world(min, max, self.scene.origin()), Some(made), occluder)
+            self.insert(Aabb::from_world(min, max, self.scene.origin()), Some(made), occluder, two_sided)
         })?;
         Ok(id.index() as u32)
     }

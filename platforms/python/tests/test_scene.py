@@ -1,5 +1,6 @@
 """Scenes: culling, regions, bakes, the judge, and scenes of other packages."""
 
+import io
 import json
 import threading
 
@@ -199,6 +200,30 @@ def test_trimesh():
     assert scene.cull(AHEAD).tolist() == [0]
     assert scene.cull(AHEAD, occlusion=False).tolist() == [0, 1]
     assert len(Scene.from_trimesh(wall)) == 1
+
+
+def test_trimesh_keeps_what_a_glb_says_of_sides_and_nodes():
+    trimesh = pytest.importorskip("trimesh")
+    square = [(0, -9, -9), (0, 9, -9), (0, 9, 9), (0, -9, 9)]
+    source = trimesh.Scene()
+    for name, double, extensions in [
+        ("two-sided", True, {}),
+        ("hidden", True, {"KHR_node_visibility": {"visible": False}}),
+        ("moved", False, {"MSFT_lod": {"ids": [0]}}),
+    ]:
+        material = trimesh.visual.material.PBRMaterial(doubleSided=double)
+        visual = trimesh.visual.TextureVisuals(material=material, uv=np.zeros((4, 2)))
+        # It faces +x.
+        mesh = trimesh.Trimesh(square, [(0, 1, 2), (0, 2, 3)], process=False, visual=visual)
+        source.add_geometry(mesh, node_name=name)
+        source.graph.update(frame_to=name, metadata={"gltf_extensions": extensions})
+    glb = trimesh.load(io.BytesIO(source.export(file_type="glb")), file_type="glb")
+    scene = Scene.from_trimesh(glb)
+    lamp = scene.add_boxes([[(3, -0.5, -0.5), (4, 0.5, 0.5)]])[0]
+    behind = View.perspective((-5, 0, 0), (0, 0, 0), fov_y=1.0)
+    assert scene.cull(behind).tolist() == [0, 1] and lamp == 2
+    _, hidden, _, _ = scene.prove_from_region([[-6, -1, -1], [-5, 1, 1]])
+    assert hidden.tolist() == [lamp]
 
 
 def house(low, high):

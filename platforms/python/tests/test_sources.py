@@ -102,6 +102,81 @@ def test_flattened_meshes_hide_only_from_both_sides():
         assert (lamp in scene.cull(AHEAD)) != two_sided
 
 
+def test_nearly_flattened_meshes_are_seen_from_both_sides():
+    # A renderer's rounding decides which side is the front: nothing is hidden behind, and the back is no proof.
+    half = np.sqrt(0.5)
+    turn = np.array([(half, -half, 0, 0), (half, half, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)])
+    scene, lamp = scene_of((mesh(), moved(5) @ np.diag([1e-6, 1, 1, 1]) @ turn))
+    assert lamp in scene.cull(AHEAD)
+    seen, hidden, _, _ = scene.prove_from_region([[6, -0.5, -0.5], [7, 0.5, 0.5]])
+    assert 0 in seen and 0 not in hidden
+
+
+def test_each_material_tells_whether_its_back_is_drawn():
+    behind = [[7, -0.5, -0.5], [7.5, 0.5, 0.5]]
+    back = View.perspective((7, 0, 0), (0, 0, 0), fov_y=1.0)
+    one, two = (Material(doubleSided=sides) for sides in (False, True))
+    for material, hides, shows in [
+        (one, (True, False), False),
+        (two, (True, True), True),
+        (Material(materials=[one, two]), (False, False), True),
+    ]:
+        scene, lamp = scene_of((mesh(SimpleNamespace(material=material)), moved(5)))
+        hides_lamp = lamp not in scene.cull(AHEAD)
+        before = scene.add_boxes([[(2, -0.5, -0.5), (3, 0.5, 0.5)]])[0]
+        assert (hides_lamp, before not in scene.cull(back)) == hides
+        seen, hidden, _, _ = scene.prove_from_region(behind)
+        assert (0 in seen, 0 in hidden) == (shows, not shows)
+
+
+def with_extensions(**levels):
+    """A stand-in for a ``trimesh.Scene`` of a square at x = 5, with extensions of its node, of the node above, of its
+    mesh and of the file."""
+    square = mesh()
+    square.metadata = {"gltf_extensions": levels.get("mesh", {})}
+    edges = {("world", "above"): "above", ("above", "node"): "node"}
+    data = {edge: {"metadata": {"gltf_extensions": levels.get(of, {})}} for edge, of in edges.items()}
+    forest = SimpleNamespace(parents={"node": "above", "above": "world"}, edge_data=data)
+    graph = type("Graph", (dict,), {"nodes_geometry": ["node"], "transforms": forest})(node=(moved(5), "mesh"))
+    return SimpleNamespace(graph=graph, geometry={"mesh": square}, metadata={"gltf_extensions": levels.get("file", {})})
+
+
+@pytest.mark.parametrize("of", ["node", "above", "mesh"])
+@pytest.mark.parametrize(
+    "extension",
+    [
+        {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}},
+        {"MSFT_lod": {"ids": [1]}},
+        {"KHR_physics_rigid_bodies": {"motion": {}}},
+        {"OMI_physics_body": {"motion": {"type": "dynamic"}}},
+        {"OTHER_tool": {}},
+    ],
+)
+def test_what_an_extension_may_move_is_always_visible_and_hides_nothing(of, extension):
+    scene = Scene.from_trimesh(with_extensions(**{of: extension}))
+    lamp = scene.add_boxes([[(8, -0.5, -0.5), (9, 0.5, 0.5)]])[0]
+    assert scene.cull(AHEAD).tolist() == [0, lamp]
+    away = View.perspective((0, 0, 0), (-1, 0, 0), fov_y=1.0)
+    assert scene.cull(away).tolist() == [0]
+
+
+def test_extensions_that_move_nothing_leave_walls():
+    still = {"KHR_lights_punctual": {"light": 0}, "KHR_node_visibility": {"visible": True}}
+    still |= {"KHR_physics_rigid_bodies": {"collider": {}}, "OMI_physics_body": {"type": "static"}}
+    for levels, hides in [
+        ({"node": still, "above": still, "file": {"KHR_lights_punctual": {}}}, True),
+        ({"file": {"VRMC_springBone": {}}}, False),
+    ]:
+        scene = Scene.from_trimesh(with_extensions(**levels))
+        lamp = scene.add_boxes([[(8, -0.5, -0.5), (9, 0.5, 0.5)]])[0]
+        assert (lamp not in scene.cull(AHEAD)) == hides
+
+
+@pytest.mark.parametrize("of", ["node", "above"])
+def test_hidden_nodes_are_left_out(of):
+    assert len(Scene.from_trimesh(with_extensions(**{of: {"KHR_node_visibility": {"visible": False}}}))) == 0
+
+
 #: Classes above the classes of the stand-in for an IFC file, in IFC4X3.
 ABOVE = {
     "IfcWall": ["IfcBuiltElement", "IfcElement"],

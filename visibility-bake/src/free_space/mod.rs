@@ -28,7 +28,8 @@ impl Grid {
     /// Returns the viewcells that a camera can reach from some points. They are boxes of the grid. Where
     /// solid surfaces separate a part of a box from the positions of the camera, that part is cut off. The
     /// viewcells of the points come first, then the others in the order in which a flood from the points
-    /// reaches them. The triangles of objects flagged as occluders are solid. The flood does not leave the
+    /// reaches them. The triangles of objects flagged as occluders, [as a
+    /// level](visibility_core::level_version::level_object) has them, are solid. The flood does not leave the
     /// box from `min` to `max`; points outside it are ignored. A point where the camera cannot be is replaced
     /// by the nearest point in the same box of the grid where it can be. A point in a box without any
     /// position for the camera is ignored.
@@ -94,10 +95,10 @@ impl Grid {
 
     /// Returns the viewcells through which walks pass, those of the first walk first. A walk goes in straight
     /// lines from point to point. A viewcell is a box of the grid, cut off at solid surfaces that separate
-    /// the rest of the box from the walks. The triangles of objects flagged as occluders are solid. Every
-    /// point of a box within the [radius](CameraRange::radius) of the part of a walk in that box stays in the
-    /// viewcell, also where the walk passes through a solid. The heights of the camera do not count. A radius
-    /// below a 40th of the longest side of a box counts as a 40th.
+    /// the rest of the box from the walks. Solid is what it is for [`free`](Self::free). Every point of a box
+    /// within the [radius](CameraRange::radius) of the part of a walk in that box stays in the viewcell, also
+    /// where the walk passes through a solid. The heights of the camera do not count. A radius below a 40th
+    /// of the longest side of a box counts as a 40th.
     ///
     /// # Errors
     /// [`GridError::Count`] for more viewcells than [`LIMIT`](Grid::LIMIT), where a viewcell counts as often

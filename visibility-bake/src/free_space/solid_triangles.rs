@@ -12,6 +12,7 @@ use std::collections::HashMap;
 use std::convert::Infallible;
 use visibility_core::Scene;
 use visibility_core::glam::{DVec3, Vec3};
+use visibility_core::level_version::level_object;
 use visibility_core::scene::Triangle;
 
 /// Greatest number of pairs of a triangle and a column of boxes that it touches. This many pairs take at most
@@ -77,7 +78,8 @@ impl<'a> SolidTriangles<'a> {
         let mut triangles: Vec<SolidTriangle> = Vec::new();
         let mut by_column: HashMap<[i64; 2], Vec<u32>> = HashMap::new();
         let mut entries = 0;
-        for id in scene.ids().filter(|&id| scene.object(id).is_ok_and(|object| object.occluder)) {
+        let is_solid = |&id: &_| level_object(scene, id).is_some_and(|(object, _)| object.occluder);
+        for id in scene.ids().filter(is_solid) {
             for triangle in scene.triangles(id).unwrap_or_default() {
                 if !triangle.iter().all(|p| p.is_finite()) {
                     continue;

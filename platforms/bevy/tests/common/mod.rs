@@ -2,13 +2,13 @@
 #![allow(dead_code, unreachable_pub)]
 
 use bevy_app::{App, TaskPoolPlugin};
-use bevy_asset::{AssetApp, AssetPlugin};
+use bevy_asset::{AssetApp, AssetPlugin, Assets, Handle, RenderAssetUsages};
 use bevy_camera::prelude::*;
 use bevy_camera::visibility::VisibleEntities;
 use bevy_ecs::prelude::*;
 use bevy_image::Image;
 use bevy_light::LightPlugin;
-use bevy_mesh::{Mesh3d, MeshPlugin};
+use bevy_mesh::{Mesh, Mesh3d, MeshPlugin, PrimitiveTopology};
 use bevy_transform::TransformPlugin;
 use bevy_transform::prelude::*;
 use std::any::TypeId;
@@ -42,6 +42,9 @@ pub fn app_with(with_plugin: bool, add_more: impl FnOnce(&mut App)) -> App {
     add_more(&mut app);
     app.finish();
     app.cleanup();
+    // The mesh of `Mesh3d::default`, without positions, so that bevy computes no `Aabb` of it.
+    let nothing = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default());
+    app.world_mut().resource_mut::<Assets<Mesh>>().insert(&Handle::default(), nothing).unwrap();
     app
 }
 
@@ -71,7 +74,7 @@ pub fn seen_by_any(app: &mut App) -> BTreeSet<Number> {
     all.iter(app.world()).filter(|(_, result)| result.get()).map(|(number, _)| *number).collect()
 }
 
-/// Returns the components that an entity of class `Mesh3d` needs, without an asset.
+/// Returns the components that an entity of class `Mesh3d` needs, with a mesh of no triangles.
 pub fn drawn(number: u32, transform: Transform) -> impl Bundle {
     (Number(number), Mesh3d::default(), transform)
 }

@@ -142,9 +142,10 @@ pub unsafe extern "C" fn vis_reflections_destroy(reflections: *mut vis_reflectio
 }
 
 /// Appends portal culling as `vis_pipeline_add_portals` does, which also finds the reflections. They are
-/// those of the pipeline's last frame, so each pipeline needs reflections of its own. Conservative. If the
-/// pipeline has contribution culling, it culls what mirrors show as well, by sizes in the mirror and
-/// distances from the eye of the camera, so that mirrors show the objects that the camera shows.
+/// those of the pipeline's last frame, so each pipeline needs reflections of its own: returns
+/// `VIS_ERROR_STATE` if a pipeline has these. Conservative. If the pipeline has contribution culling, it
+/// culls what mirrors show as well, by sizes in the mirror and distances from the eye of the camera, so that
+/// mirrors show the objects that the camera shows.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vis_pipeline_add_reflections(
     pipeline: *mut vis_pipeline,
@@ -154,7 +155,15 @@ pub unsafe extern "C" fn vis_pipeline_add_reflections(
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         let (reflections, of) =
             unsafe { (reference(reflections, "reflections")?, reference(pipeline, "pipeline")?) };
-        let portals = reflections.0.clone();
+        let portals = {
+            // Locked, so that two threads cannot both find the handle alone.
+            let _alone = reflections.lock()?;
+            if Arc::strong_count(&reflections.0) > 1 {
+                let message = "a pipeline has these reflections: create others for each pipeline";
+                return Err(Error::new(vis_status::VIS_ERROR_STATE, message));
+            }
+            reflections.0.clone()
+        };
         let (contribution, in_mirrors) = (of.contribution().clone(), ContributionCuller::new(0.0, 0.0));
         // SAFETY: by rule P1 of `visibility.h`, each pointer is null or valid to read.
         unsafe { push(pipeline, ReflectingCuller { portals, contribution, in_mirrors }) }

@@ -138,6 +138,7 @@ class Scene:
         triangles: Indices,  # (m, 3)
         *,
         occluder: bool = True,
+        two_sided: bool | None = None,
     ) -> int: ...
     def move_boxes(self, ids: Indices, boxes: Boxes) -> None: ...  # (n,), (n, 2, 3)
     @property

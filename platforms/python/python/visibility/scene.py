@@ -21,6 +21,34 @@ _CITY_TRANSPARENT = (
     "WaterSurface",
     "Window",
 )
+#: Extensions of glTF's nodes and meshes that neither move a mesh nor draw another in its place.
+_GLTF_STILL = (
+    "AGI_stk_metadata",
+    "EXT_instance_features",
+    "EXT_lights_ies",
+    "EXT_mesh_features",
+    "EXT_mesh_manifold",
+    "EXT_structural_metadata",
+    "GRIFFEL_bim_data",
+    "KHR_audio",
+    "KHR_audio_emitter",
+    "KHR_lights_punctual",
+    "KHR_node_hoverability",
+    "KHR_node_selectability",
+    "KHR_node_visibility",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+    "MSFT_audio_emitter",
+    "OMI_audio_emitter",
+    "OMI_collider",
+    "OMI_link",
+    "OMI_physics_joint",
+    "OMI_physics_shape",
+    "OMI_seat",
+    "OMI_spawn_point",
+)
+#: Extensions of glTF's documents whose nodes a program moves: figures, and graphs that set whatever they name.
+_GLTF_MOVING = ("KHR_interactivity", "VRM", "VRMC_springBone", "VRMC_vrm")
 
 
 class Scene(_visibility.Scene):
@@ -29,31 +57,55 @@ class Scene(_visibility.Scene):
     @classmethod
     def from_trimesh(cls, source, *, occluder=None, origin=None, two_sided=False):
         """Makes a scene of a ``trimesh.Trimesh`` or ``trimesh.Scene``; of a scene, each placed mesh is an object, in
-        the order of ``source.graph.nodes_geometry`` without those that have no triangles. ``origin``: ``None`` for the
-        middle of the source.
+        the order of ``source.graph.nodes_geometry`` without those that have no triangles or are below a node that is
+        hidden (``KHR_node_visibility``). ``origin``: ``None`` for the middle of the source. ``two_sided``: whether all
+        meshes show and hide from behind as well; otherwise those whose material is ``doubleSided`` do.
+
+        Always visible, and hides nothing: a mesh that an extension of glTF may move, copy or replace, as far as
+        trimesh keeps it with the nodes and meshes. Such are ``EXT_mesh_gpu_instancing``, ``MSFT_lod``, bodies of a
+        simulation that are not static, figures of VRM, and all extensions that this package does not know. trimesh
+        does not keep skins, clips, morph targets and ``KHR_materials_variants``: what these change is an object as it
+        is in the file, at rest. Leave such meshes out of the source, and add a box around all of their poses by
+        ``add_boxes(..., solid=False)``.
 
         ``occluder``: a function of a mesh that tells whether the mesh hides what is behind it. ``None``: a mesh hides
         unless its material blends or is masked, or a colour or a picture without an alpha mode has an alpha below 1.
         trimesh does not read other transparency, such as the transmission of glTF: name such meshes by ``occluder``."""
         is_occluder = _is_opaque if occluder is None else occluder
-        meshes, occluders = [], []
+        meshes, occluders, sides = [], [], []
         if hasattr(source, "graph"):
-            places = [source.graph[node] for node in source.graph.nodes_geometry]
-            placed = [(source.geometry[name], transform) for transform, name in places]
+            of_file = (getattr(source, "metadata", None) or {}).get("gltf_extensions") or {}
+            is_figure = any(name in of_file for name in _GLTF_MOVING)
+            placed = []
+            for node in source.graph.nodes_geometry:
+                transform, name = source.graph[node]
+                extensions = list(_node_extensions(source.graph, node))
+                if not any(_is_hidden(*extension) for extension in extensions):
+                    placed.append((source.geometry[name], transform, is_figure or any(map(_may_move, extensions))))
         else:
-            placed = [(source, np.eye(4))]
-        for mesh, transform in placed:
+            placed = [(source, np.eye(4), False)]
+        for mesh, transform, may_move in placed:
             if not hasattr(mesh, "faces") or not len(mesh.faces):
                 continue
+            of_mesh = (getattr(mesh, "metadata", None) or {}).get("gltf_extensions") or {}
+            if may_move or any(map(_may_move, of_mesh.items())):
+                meshes.append(None)
+                occluders.append(False)
+                sides.append(None)
+                continue
+            drawn = {True} if two_sided else _drawn_sides(mesh)
             linear = np.asarray(transform, dtype=np.float64)[:3, :3]
             # A mirroring transform turns faces to the other side; the other order of corners turns them back. What a
             # transform makes flat may face either way, so it hides nothing where only the fronts of faces are drawn.
             sign = np.linalg.det(linear)
-            is_flat = not abs(sign) > 1e-12 * np.prod(np.linalg.norm(linear, axis=0))
+            is_flat = not abs(sign) > 1e-5 * np.prod(np.linalg.norm(linear, axis=0))
             faces = mesh.faces[:, ::-1] if sign < 0 else mesh.faces
             meshes.append((mesh.vertices @ linear.T + transform[:3, 3], faces))
-            occluders.append(bool(is_occluder(mesh)) and (two_sided or not is_flat))
-        return cls._from_meshes(meshes, origin, two_sided, occluders)
+            # What is two-sided in part is seen from both sides, and hides from neither for certain.
+            is_certain = len(drawn) == 1 and (True in drawn or not is_flat)
+            occluders.append(bool(is_occluder(mesh)) and is_certain)
+            sides.append(True in drawn or is_flat)
+        return cls._from_meshes(meshes, origin, two_sided, occluders, sides)
 
     @classmethod
     def from_ifc(
@@ -123,17 +175,57 @@ class Scene(_visibility.Scene):
         return cls._from_meshes(meshes, origin, two_sided, occluders), names
 
     @classmethod
-    def _from_meshes(cls, meshes, origin, two_sided, occluders):
-        """Makes a scene of pairs of positions and triangles, of which none is empty, and whether each hides."""
-        meshes = [(np.ascontiguousarray(points, dtype=np.float64), faces) for points, faces in meshes]
-        if origin is None and meshes:
-            low = np.min([points.min(axis=0) for points, _ in meshes], axis=0)
-            high = np.max([points.max(axis=0) for points, _ in meshes], axis=0)
+    def _from_meshes(cls, meshes, origin, two_sided, occluders, sides=None):
+        """Makes a scene of pairs of positions and triangles, of which none is empty, whether each hides, and whether
+        each is two-sided, if they differ. In the place of a pair, ``None`` is an object that is always visible."""
+        known = [np.ascontiguousarray(mesh[0], dtype=np.float64) for mesh in meshes if mesh is not None]
+        if origin is None and known:
+            low = np.min([points.min(axis=0) for points in known], axis=0)
+            high = np.max([points.max(axis=0) for points in known], axis=0)
             origin = (low + high) / 2
         scene = cls(origin=(0.0, 0.0, 0.0) if origin is None else tuple(origin), two_sided=two_sided)
-        for (points, faces), occluder in zip(meshes, occluders):
-            scene.add_mesh(points, np.ascontiguousarray(faces, dtype=np.int64), occluder=occluder)
+        points = iter(known)
+        for mesh, occluder, side in zip(meshes, occluders, sides or [None] * len(meshes)):
+            if mesh is None:
+                scene.add_boxes(np.full((1, 2, 3), np.nan), solid=False)
+                continue
+            faces = np.ascontiguousarray(mesh[1], dtype=np.int64)
+            scene.add_mesh(next(points), faces, occluder=occluder, two_sided=side)
         return scene
+
+
+def _node_extensions(graph, node):
+    """Yields names and values of the glTF extensions of a node of trimesh's graph, and of those above it."""
+    forest = getattr(graph, "transforms", None)
+    parents = getattr(forest, "parents", {})
+    for _ in range(len(parents)):
+        if node not in parents:
+            break
+        edge = forest.edge_data.get((parents[node], node)) or {}
+        yield from ((edge.get("metadata") or {}).get("gltf_extensions") or {}).items()
+        node = parents[node]
+
+
+def _is_hidden(name, value):
+    """Tells whether an extension of a node hides the node."""
+    return name == "KHR_node_visibility" and isinstance(value, dict) and value.get("visible") is False
+
+
+def _may_move(extension):
+    """Tells whether an extension of a node or a mesh, a name and a value, may move or replace what is drawn."""
+    name, value = extension
+    if name == "KHR_physics_rigid_bodies" and isinstance(value, dict):
+        return "motion" in value
+    if name == "OMI_physics_body" and isinstance(value, dict):
+        motion = value.get("motion")
+        return (motion.get("type") if isinstance(motion, dict) else value.get("type")) != "static"
+    return name not in _GLTF_STILL
+
+
+def _drawn_sides(mesh):
+    """Returns for the materials of a mesh of trimesh whether they are two-sided: one flag, or both if they differ."""
+    material = getattr(getattr(mesh, "visual", None), "material", None)
+    return {bool(getattr(part, "doubleSided", False)) for part in getattr(material, "materials", None) or [material]}
 
 
 def _is_opaque(mesh):
