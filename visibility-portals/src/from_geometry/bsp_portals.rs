@@ -360,8 +360,8 @@ pub(super) fn renumber_leaves(
 mod tests {
     use super::*;
 
-    /// With a tolerance of 0.1 m, a back 0.04 m wide is no leak of a piece of a portal, but for a piece that is
-    /// as narrow: the next pieces may leak as well.
+    /// With a tolerance of 0.1 m, a back 0.04 m wide is no leak of a piece of a portal, but for a piece that
+    /// is as narrow: the next pieces may leak as well.
     #[test]
     fn narrow_backs_leak_where_they_are_half_of_a_piece() {
         let lengths = Lengths::new(0.1, 10.0);
