@@ -109,8 +109,8 @@ mod tests {
     use visibility_core::glam::{DAffine3, DMat3, Vec3};
     use visibility_core::scene::SharedTriangles;
 
-    /// A face in the plane y = 0, turned into it by a transform: its rounded corners are some micrometres before
-    /// the flat box that was given, and far before it as seen from a box without thickness.
+    /// A face in the plane y = 0, turned into it by a transform: its rounded corners are some micrometres
+    /// before the flat box that was given, and far before it as seen from a box without thickness.
     #[test]
     fn bounds_hold_triangles_that_reach_out_by_the_rounding_of_their_transform() {
         let (cosine, sine) = (13.0 / 493.0f64.sqrt(), 18.0 / 493.0f64.sqrt());

@@ -8,8 +8,8 @@
 //! With a clearance c > 0, each face of the target is first moved towards the viewcell by c and shrunk by at
 //! most 2 c, so that occluders that touch the target along an edge do not touch Q. Take a segment to a point
 //! of the target from a viewpoint at least c over the target's plane: a neighbouring segment ends at a point
-//! of Q and is at most sqrt(5) c away everywhere. A target is not decided if some viewpoint is more than c / 16
-//! over its plane, but none by more than c; up to c / 16, which covers errors of heights, it is hidden. If
+//! of Q and is at most sqrt(5) c away everywhere. A target is not decided if some viewpoint is more than c /
+//! 16 over its plane, but none by more than c; up to c / 16, which covers errors of heights, it is hidden. If
 //! only some viewpoints are lower than c, segments from these, at grazing angles, are not asked about.
 
 use crate::half::Half;

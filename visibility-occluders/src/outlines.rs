@@ -194,8 +194,8 @@ mod tests {
 
     #[test]
     fn an_outline_that_passes_a_vertex_often_takes_no_square_of_its_number() {
-        // A wheel of one outline: each spoke leads out to a vertex and on in the same line to the next. A look
-        // at all edges that end at the hub, for each spoke, took seconds.
+        // A wheel of one outline: each spoke leads out to a vertex and on in the same line to the next. A
+        // look at all edges that end at the hub, for each spoke, took seconds.
         let count = 100_000;
         let mut vertices = alloc::vec![Vec3::ZERO];
         let mut outline = Vec::new();

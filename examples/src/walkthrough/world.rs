@@ -219,7 +219,8 @@ pub fn objects_in_cells(scene: &Scene, ids: &[ObjectId], viewcells: &Viewcells) 
     for &id in ids {
         let Ok(bounds) = scene.bounds(id) else { continue };
         let [min, max] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3() + scene.origin());
-        // Tolerance, because cells have f64 coordinates while bounds are rounded to f32, relative to the origin.
+        // Tolerance, because cells have f64 coordinates while bounds are rounded to f32, relative to the
+        // origin.
         let [near, far] = [bounds.min.abs().max(bounds.max.abs()).as_dvec3(), min.abs().max(max.abs())];
         let slack = 1e-6 * near.max_element() + 16.0 * f64::EPSILON * far.max_element();
         viewcells.for_each_touching(min - slack, max + slack, |cell| pairs.push((CellId(cell.0), id)));

@@ -267,8 +267,8 @@ fn cells_leave_a_slot_open(away: f64) {
     assert!(!sees(pipeline, scene, aside, lamp), "a lamp behind the first wall, {away} m away");
 }
 
-/// Two sheets that are drawn from the side of greater x alone, the first placed by a transform that mirrors it.
-/// From behind both, a lamp beyond them is seen.
+/// Two sheets that are drawn from the side of greater x alone, the first placed by a transform that mirrors
+/// it. From behind both, a lamp beyond them is seen.
 #[test]
 fn cells_of_a_scene_know_the_fronts_of_mirrored_sheets() {
     let scene = make(vis_scene_create);

@@ -187,8 +187,8 @@ impl Edge {
     /// Returns two distances in metres that the eye may move from `eye`, the point passed to
     /// [`update_eye`](Self::update_eye). Up to the first, a box that is inside the edge's plane stays inside,
     /// and the ends do not come so near that the edge is not used; up to the second, a box that is not inside
-    /// does not come inside. Both are reduced by a bound on the rounding of heights, to no less than 0. The box
-    /// is from `min` to `max`, in metres relative to `Scene::origin`.
+    /// does not come inside. Both are reduced by a bound on the rounding of heights, to no less than 0. The
+    /// box is from `min` to `max`, in metres relative to `Scene::origin`.
     pub(super) fn clearance(&self, eye: DVec3, min: DVec3, max: DVec3) -> [f64; 2] {
         // A corner is on the edge's plane where the eye is on the plane through the edge and the corner. Of
         // these planes of a box's points, the outermost are those of corners.

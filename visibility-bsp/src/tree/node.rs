@@ -29,8 +29,8 @@ pub(super) struct Node {
     pub(super) parent: u32,
 }
 
-/// Returns the smallest `f32` box that contains `f64` points, in the points' own space: its sides are those of
-/// the points where `f32` has their coordinates. Empty (inverted) without points.
+/// Returns the smallest `f32` box that contains `f64` points, in the points' own space: its sides are those
+/// of the points where `f32` has their coordinates. Empty (inverted) without points.
 pub(super) fn bounds_of(points: &[DVec3]) -> Aabb {
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for &p in points {

@@ -42,8 +42,8 @@ pub(crate) struct LevelFrame {
     /// Eye of a perspective view, in metres relative to the origin of the level; the unit direction of a
     /// parallel view.
     pub(super) eye: DVec3,
-    /// Bound on the distance of `eye` from the exact one: in metres for a point; for a direction, the length of
-    /// the difference of the unit vectors.
+    /// Bound on the distance of `eye` from the exact one: in metres for a point; for a direction, the length
+    /// of the difference of the unit vectors.
     pub(super) eye_error: f64,
     /// True for a perspective view, false for a parallel one.
     pub(super) perspective: bool,
