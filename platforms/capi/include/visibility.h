@@ -965,13 +965,12 @@ enum vis_status vis_cells_create(const struct vis_graph *graph,
 // Makes cells and portals from the triangles of a scene's occluders that are always drawn, where they are
 // now: space is divided along large walls, and every gap between triangles becomes an open portal, unless it
 // is narrower than 2^-20 of the greatest coordinate relative to the scene's origin, or 2^-36 of that in the
-// world. An
-// occluder with a draw range, an HLOD parent or HLOD children is not always drawn, nor is one on no layer:
-// it is no wall. `max_cells` is the greatest number of cells; 0 for the default, 16,384. Writes the number
-// of cells to `cell_count`, which may be null. It is 0 where all space sees the backs of one-sided
-// triangles: a culler with such cells hides nothing. What an occluder does after this call counts no more,
-// so make cells of what stands still. Occluders of all layers count, so cull with such cells only views that
-// show them all. Takes from milliseconds to minutes.
+// world. An occluder with a draw range, an HLOD parent or HLOD children is not always drawn, nor is one on
+// no layer: it is no wall. `max_cells` is the greatest number of cells; 0 for the default, 16,384. Writes
+// the number of cells to `cell_count`, which may be null. It is 0 where all space sees the backs of
+// one-sided triangles: a culler with such cells hides nothing. What an occluder does after this call counts
+// no more, so make cells of what stands still. Occluders of all layers count, so cull with such cells only
+// views that show them all. Takes from milliseconds to minutes.
 enum vis_status vis_cells_create_of_scene(const struct vis_scene *scene,
                                           size_t max_cells,
                                           struct vis_cells **cells,
