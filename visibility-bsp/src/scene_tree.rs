@@ -110,10 +110,10 @@ impl SceneTree {
         Ok(())
     }
 
-    /// Tests whether the margins of planes are for coordinates 1,000 times as great as any in the tree or of
-    /// the changed objects that are to be inserted. False for a tree without polygons.
+    /// Tests whether the margins of planes are for coordinates 16 times as great as any in the tree or of the
+    /// changed objects that are to be inserted. False for a tree without polygons.
     fn has_lost_extent(&self, scene: &Scene) -> bool {
-        let enough = self.tree.magnitude().max_element() / 1000.0;
+        let enough = self.tree.magnitude().max_element() / 16.0;
         let bounds = self.tree.bounds();
         if self.tree.is_empty() || f64::from(bounds.min.abs().max(bounds.max.abs()).max_element()) >= enough {
             return false;

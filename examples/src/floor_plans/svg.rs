@@ -77,17 +77,17 @@ fn map_of(node: Node<'_, '_>, outer: Option<(Affine, bool)>) -> Result<Option<(A
         if has_any(&sheet, &MOVING) {
             return Err(MOVED.into());
         }
-        if has_any(&sheet, &HIDING) || sheet.contains("@import") {
+        if has_any(&sheet, &HIDING) || sheet.to_ascii_lowercase().contains("@import") {
             return Err(STYLED.into());
         }
     }
     let style = without_comments(node.attribute("style").unwrap_or(""));
-    // Whether the element itself has a property with one of the values, as an attribute or in its style.
+    // Whether a property of the element itself has one of the values: that of its style, else of the attribute.
     let has = |name: &str, values: &[&str]| {
         let own = properties(&style).filter(|(of, _)| of.eq_ignore_ascii_case(name)).map(|(_, value)| value);
-        let mut own =
-            own.chain(node.attribute(name)).map(|value| value.split('!').next().unwrap_or("").trim());
-        own.any(|own| values.iter().any(|value| own.eq_ignore_ascii_case(value)))
+        let own = own.last().or(node.attribute(name)).unwrap_or("");
+        let own = own.split('!').next().unwrap_or("").trim();
+        values.iter().any(|value| own.eq_ignore_ascii_case(value))
     };
     let is_drawn = !has("display", &["none"]) && !UNDRAWN.contains(&name);
     let Some((outer, is_outer_visible)) = outer.filter(|_| is_drawn) else { return Ok(None) };

@@ -271,9 +271,9 @@ const OF_MESHES: [&str; 13] = [
     "KHR_xmp_json_ld",
 ];
 
-/// Extensions of a document whose nodes are the bones of figures, which a program moves by the springs and
-/// constraints of the file and by motions of its own.
-const FIGURES: [&str; 3] = ["VRM", "VRMC_springBone", "VRMC_vrm"];
+/// Extensions of a document whose nodes others move: the bones of figures, by the springs and constraints of
+/// the file and by motions of a program, or a stream that changes the scene.
+const FIGURES: [&str; 4] = ["MPEG_scene_dynamic", "VRM", "VRMC_springBone", "VRMC_vrm"];
 
 /// Returns whether a part of a document has an extension that is not among those `known`.
 fn has_other_extension(part: &Value, known: &[&str]) -> bool {

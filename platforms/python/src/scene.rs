@@ -17,7 +17,7 @@ use visibility_occluders::LevelOccluders;
 /// Objects are numbered from 0 in the order in which they are added. Coordinates are in metres, of any axes;
 /// they are kept in single precision relative to origin, so choose an origin amid the scene. two_sided:
 /// whether triangles show and hide from behind as well, for models whose faces do not all face outwards.
-/// Without it no method lets a triangle hide what is seen past its back.
+/// Without it, in add_mesh as well, no method lets a triangle hide what is seen past its back.
 #[pyclass(module = "visibility", subclass)]
 pub(crate) struct Scene {
     pub(crate) scene: scene::Scene,

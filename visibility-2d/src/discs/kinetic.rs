@@ -146,9 +146,9 @@ pub struct KineticZone<'a> {
 struct Painter {
     /// Direction ranges not covered by any disc so far, ascending, as direction numbers.
     open: Vec<(f64, f64)>,
-    /// Direction number at which a disc starts to be visible, and the disc's index in `Discs::discs` or
-    /// [`NONE`].
-    runs: Vec<(f64, u32)>,
+    /// Direction number at which a disc starts to be visible, the disc's index in `Discs::discs` or [`NONE`],
+    /// and its place among the discs that were painted.
+    runs: Vec<(f64, u32, usize)>,
 }
 
 impl Painter {
@@ -170,7 +170,7 @@ impl Painter {
             if begin == end {
                 continue;
             }
-            self.runs.extend(self.open[begin..end].iter().map(|gap| (gap.0.max(first), disc)));
+            self.runs.extend(self.open[begin..end].iter().map(|gap| (gap.0.max(first), disc, before)));
             cut_list(&mut self.open, first, last);
         }
         self.runs.len() > before
@@ -178,9 +178,9 @@ impl Painter {
 
     /// Assigns the directions that are still open to [`NONE`], and orders all arcs by direction.
     fn finish(&mut self) {
-        self.runs.extend(self.open.iter().map(|gap| (gap.0, NONE)));
+        self.runs.extend(self.open.iter().map(|gap| (gap.0, NONE, usize::MAX)));
         // A disc thinner than rounding begins where it ends, and stays before what is behind it.
-        self.runs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        self.runs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
         self.runs.dedup_by_key(|run| run.1);
     }
 }

@@ -25,8 +25,8 @@ use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, Visibl
 /// pixels across) may be missed, such as a face seen edge on. In gaps, the image is divided further at lines
 /// of polygons and of an 8 by 8 grid, and each part counts alone. Triangles of an object that are all so
 /// narrow count by what they show together. An object wholly beyond the near plane whose whole box is that
-/// narrow is reported visible. Where the scene's coordinates are so large that image positions are not known
-/// to 1e-8 of half the image, every object stays visible. Triangles nearer to each other than the
+/// narrow is reported visible. Where coordinates that the tree holds, or held lately, are so large that image
+/// positions are not known to 1e-8 of half the image, every object stays visible. Triangles nearer to each other than the
 /// [margin](crate::BspTree#robustness) of the tree's planes may hide each other in the wrong order.
 ///
 /// # Cost
@@ -385,7 +385,10 @@ mod tests {
         let mut scene = Scene::new();
         insert(&mut scene, [across(4.0, 0.25)], OCCLUDER);
         let tree = SceneTree::new(&scene).unwrap();
-        let projection = ScreenProjection::new(&view(), &scene, &tree.tree().bounds()).unwrap();
+        let projection = {
+            let tree = tree.tree();
+            ScreenProjection::new(&view(), &scene, &tree.bounds(), tree.magnitude()).unwrap()
+        };
         let mut culler = NaylorCuller::new(tree);
         let mut visible = VisibleSet::new();
         visible.fill(&scene, &view());

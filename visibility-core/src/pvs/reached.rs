@@ -97,8 +97,9 @@ impl Viewcells {
         if !self.reached(&middle, anchor, error, scratch) {
             return false;
         }
-        // Corners are up to 4 radii away. Twice that leaves room for 26 cuts.
-        let margin = error + self.misplacement() + ROUNDING * (8.0 * radius + anchor.abs().max_element());
+        // Corners are up to 4 radii away, and each cut adds its own rounding.
+        let reach = 4.0 * radius;
+        let margin = error + self.misplacement() + ROUNDING * (2.0 * reach + anchor.abs().max_element());
         reached.iter().all(|cell| {
             let cell = &self.cells()[cell.index()];
             cell.has_all_faces()
@@ -111,9 +112,11 @@ impl Viewcells {
                     let v = face.normal.cross(u);
                     let at = face.normal * -face.offset;
                     let mut polygon = Corners::from_slice(&[at - u - v, at + u - v, at + u + v, at - u + v]);
+                    let mut margin = margin;
                     for (other, plane) in cell.faces(anchor).enumerate() {
                         if other != number {
                             polygon = clip_outward(&polygon, &plane, margin);
+                            margin += 2.0 * f64::EPSILON * reach;
                         }
                     }
                     for axis in DVec3::AXES {

@@ -35,7 +35,8 @@ pub struct SkinnedBounds {
     /// Upper bound on the rounding error of a vertex skinned in `f32`, as a fraction of the sum of the
     /// magnitudes of its terms (weight times matrix element times coordinate).
     rounding: f32,
-    /// Upper bound on what underflows take off a coordinate of a vertex, whose coordinates are at most 1.
+    /// Upper bound on what underflows take off a coordinate of a vertex whose coordinates and weights are at
+    /// most 1.
     underflow: f32,
 }
 
@@ -142,7 +143,7 @@ impl SkinnedBounds {
             return if least <= greatest { Aabb::new(Vec3::ZERO, Vec3::ZERO) } else { improper };
         }
         // An underflow of a blended matrix is multiplied by a coordinate.
-        let underflow = self.underflow * (1.0 + farthest);
+        let underflow = self.underflow * (1.0 + farthest) * greatest.max(1.0);
         let margin = size * (greatest * self.rounding) + Vec3::splat(underflow);
         Aabb::new(
             (hull.min * least).min(hull.min * greatest) - margin,

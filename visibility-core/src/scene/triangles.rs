@@ -157,8 +157,9 @@ impl SharedTriangles {
     /// [`Aabb::EMPTY`] without any.
     pub(crate) fn finite_bounds(&self) -> Aabb {
         let view = self.view();
-        let corners = view.mesh.as_flattened().iter().copied().filter(|corner| corner.is_finite());
-        Aabb::around_placed(corners, &view.transform.unwrap_or(DAffine3::IDENTITY))
+        let transform = view.transform.unwrap_or(DAffine3::IDENTITY);
+        let is_finite = |corner: &Vec3| transform.transform_point3(corner.as_dvec3()).is_finite();
+        Aabb::around_placed(view.mesh.as_flattened().iter().copied().filter(is_finite), &transform)
     }
 
     /// Returns whether two objects' triangles are the same mesh in memory.

@@ -55,7 +55,7 @@ pub(super) fn is_beyond_window(frame: &LevelFrame, polygon: &OccluderPolygon, fa
     frame.window.is_some_and(|window| {
         window.iter().all(|&point| {
             let margin = 16.0 * U * (normal.abs().dot(anchor.abs() + point.abs()) + near_side.abs());
-            let margin = margin + frame.eye_error;
+            let margin = margin + if frame.perspective { frame.eye_error } else { 0.0 };
             side * (normal.dot(anchor) + normal.dot(point) - near_side) > margin
         })
     })

@@ -129,7 +129,8 @@ fn subtract_covers(
 /// Parts whose widths have a sum of at most half of the tolerance do not count. No disc of a greater diameter
 /// lies in their union, whatever their number and places (Bang, "A Solution of the 'Plank Problem'", 1951),
 /// so that lines that pass them are near to something else. In a piece that is narrow itself, parts side by
-/// side with those of the next pieces would be wider: there half of the width of the piece is the limit.
+/// side with those of the next pieces would be wider: there half of the width of the piece is the limit. More
+/// than 12 pieces that meet in one point, each with a part there, are not told from fewer.
 fn leaks(
     piece: &[DVec3],
     covers: &[Cover],
@@ -142,7 +143,11 @@ fn leaks(
     let mut passed = Vec::new();
     subtract_covers(piece.to_vec(), &blocking, normal, lengths, 0, &mut passed, &mut [0.0; 2]);
     let passing_width = |cover: &Cover| {
-        let parts = passed.iter().map(|part| {
+        let meets = |part: &&Vec<DVec3>| {
+            let (min, max) = bounds(part.iter());
+            cover.min.cmple(max).all() && min.cmple(cover.max).all()
+        };
+        let parts = passed.iter().filter(meets).map(|part| {
             let mut common = part.clone();
             cover.planes.iter().for_each(|plane| clip_in_place(&mut common, plane, lengths));
             common
@@ -150,7 +155,11 @@ fn leaks(
         width(&hull(parts.flatten(), normal), normal)
     };
     let limit = (2.0 * lengths.sliver).min(0.5 * width(piece, normal)).max(8.0 * lengths.merge);
-    exact.iter().filter(|cover| !cover.blocks_from(is_front)).map(passing_width).sum::<f64>() > limit
+    let mut sum = 0.0;
+    exact.iter().filter(|cover| !cover.blocks_from(is_front)).any(|cover| {
+        sum += passing_width(cover);
+        sum > limit
+    })
 }
 
 /// A BSP tree that divides the box from `min` to `max`, in world space.

@@ -33,8 +33,9 @@ impl Subdivision {
         self.graph.leak(from, |cell| self.outside.binary_search(&cell).is_ok())
     }
 
-    /// Makes the cells that portal cullers share. Their tolerance covers the rounding of portals and volumes:
-    /// 2^-30 of the longest side of the box around all cells, plus 2^-49 of the greatest coordinate.
+    /// Makes the cells that portal cullers share. Their tolerance covers the rounding of coordinates, beside
+    /// the [misplacement](Viewcells::misplacement) of the viewcells, which covers merged vertices: 2^-30 of the
+    /// longest side of the box around all cells, plus 2^-49 of the greatest coordinate.
     ///
     /// # Errors
     /// The errors of [`SceneCells::new`].

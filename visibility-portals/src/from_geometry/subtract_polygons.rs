@@ -91,10 +91,11 @@ pub(super) fn subtract(
         }
         let mut rest = piece;
         for plane in planes {
-            // No vertices are merged: what is lost of a cut is lost once for each polygon of a row, and none
-            // of it would be open.
-            clip_into(&rest, &plane.flipped(), 0.0, &mut outer);
-            clip_into(&rest, plane, 0.0, &mut inner);
+            // What is lost of a cut is lost once for each polygon of a row: no more than rounding, 2^-51 of the
+            // greatest coordinate, of which hundreds are less than vertices may be merged elsewhere.
+            let rounding = lengths.merge / 2048.0;
+            clip_into(&rest, &plane.flipped(), rounding, &mut outer);
+            clip_into(&rest, plane, rounding, &mut inner);
             if !outer.is_empty() {
                 left.push(core::mem::take(&mut outer));
             }

@@ -48,7 +48,16 @@ _GLTF_STILL = (
     "OMI_spawn_point",
 )
 #: Extensions of glTF's documents whose nodes a program moves: figures, and graphs that set whatever they name.
-_GLTF_MOVING = ("KHR_interactivity", "VRM", "VRMC_springBone", "VRMC_vrm")
+_GLTF_MOVING = ("KHR_interactivity", "MPEG_scene_dynamic", "VRM", "VRMC_springBone", "VRMC_vrm")
+
+
+def _is_misread(vertices):
+    """Whether positions look like those that trimesh does not read: placeholders at one point, or whole numbers up to
+    the greatest of their type that stand for 1."""
+    vertices = np.asarray(vertices, dtype=np.float64)
+    if not len(vertices) or (vertices == vertices[0]).all():
+        return True
+    return bool((vertices == np.rint(vertices)).all() and np.abs(vertices).max() in (127, 255, 32767, 65535))
 
 
 class Scene(_visibility.Scene):
@@ -63,8 +72,9 @@ class Scene(_visibility.Scene):
 
         Always visible, and hides nothing: a mesh that an extension of glTF may move, copy or replace, as far as
         trimesh keeps it with the nodes and meshes. Such are ``EXT_mesh_gpu_instancing``, ``MSFT_lod``, bodies of a
-        simulation that are not static, figures of VRM, and all extensions that this package does not know. trimesh
-        does not keep skins, clips, morph targets and ``KHR_materials_variants``: what these change is an object as it
+        simulation that are not static, figures of VRM, and all extensions that this package does not know; and meshes whose positions trimesh reads
+        wrongly, compressed (``KHR_draco_mesh_compression`` without DracoPy) or as normalized whole numbers
+        (``KHR_mesh_quantization``). trimesh does not keep skins, clips, morph targets and ``KHR_materials_variants``: what these change is an object as it
         is in the file, at rest. Leave such meshes out of the source, and add a box around all of their poses by
         ``add_boxes(..., solid=False)``.
 
@@ -80,7 +90,8 @@ class Scene(_visibility.Scene):
             for node in source.graph.nodes_geometry:
                 transform, name = source.graph[node]
                 extensions = list(_node_extensions(source.graph, node))
-                if not any(_is_hidden(*extension) for extension in extensions):
+                # A graph of a document may show what is hidden at first.
+                if is_figure or not any(_is_hidden(*extension) for extension in extensions):
                     placed.append((source.geometry[name], transform, is_figure or any(map(_may_move, extensions))))
         else:
             placed = [(source, np.eye(4), False)]
@@ -88,7 +99,7 @@ class Scene(_visibility.Scene):
             if not hasattr(mesh, "faces") or not len(mesh.faces):
                 continue
             of_mesh = (getattr(mesh, "metadata", None) or {}).get("gltf_extensions") or {}
-            if may_move or any(map(_may_move, of_mesh.items())):
+            if may_move or any(map(_may_move, of_mesh.items())) or _is_misread(mesh.vertices):
                 meshes.append(None)
                 occluders.append(False)
                 sides.append(None)
