@@ -85,7 +85,10 @@ fn map_of(node: Node<'_, '_>, outer: Option<(Affine, bool)>) -> Result<Option<(A
     // Whether a property of the element itself has one of the values: that of its style, else of the attribute.
     let has = |name: &str, values: &[&str]| {
         let own = properties(&style).filter(|(of, _)| of.eq_ignore_ascii_case(name)).map(|(_, value)| value);
-        let own = own.last().or(node.attribute(name)).unwrap_or("");
+        // The last one counts, and `!important` ones before others.
+        let own =
+            own.enumerate().max_by_key(|(at, value)| (value.contains('!'), *at)).map(|(_, value)| value);
+        let own = own.or(node.attribute(name)).unwrap_or("");
         let own = own.split('!').next().unwrap_or("").trim();
         values.iter().any(|value| own.eq_ignore_ascii_case(value))
     };

@@ -266,9 +266,9 @@ export interface Visibility {
   /**
    * Creates cells and portals from the triangles of a scene's occluders: space is divided along large walls, and each
    * gap between triangles is a portal, unless it is narrower than 2^-20 of the greatest coordinate relative to the
-   * scene's origin, or 2^-36 of that in the world. There are at most `maxCells`, 16,384 by default. `count` of the result is 0
-   * where all space sees backs of one-sided triangles: such cells hide nothing. They are of the occluders of all
-   * layers as they are now: for views that show them all. Takes from milliseconds to minutes.
+   * scene's origin, or 2^-36 of that in the world. There are at most `maxCells`, 16,384 by default. `count` of the
+   * result is 0 where all space sees backs of one-sided triangles: such cells hide nothing. They are of the occluders
+   * of all layers as they are now: for views that show them all. Takes from milliseconds to minutes.
    */
   createCellsOfScene(scene: Scene, options?: { maxCells?: number }): Cells & { readonly count: number };
   /**
