@@ -458,11 +458,14 @@ mod tests {
     fn tiles_are_given_up_and_read_again_within_the_limit() {
         let path = std::env::temp_dir().join(format!("visibility-tiles-{}", std::process::id()));
         let mut writer = ContentWriter::create(path.clone()).unwrap();
+        let corner = |at: usize| Vec3::new((at * 37 % 200) as f32, (at * 53 % 190) as f32, 0.0);
         let triangles = |at: usize| -> Vec<Triangle> {
-            (0..at % 5).map(|k| [Vec3::splat(at as f32), Vec3::X * k as f32, Vec3::Y]).collect()
+            let low = corner(at);
+            let high = low + Vec3::Z * (at as f32 / 600.0);
+            (0..at % 5).map(|k| [high, low + Vec3::X * (k as f32 * 0.25), low + Vec3::Y]).collect()
         };
         let known = |at: usize| {
-            let low = Vec3::new((at * 37 % 200) as f32, (at * 53 % 190) as f32, 0.0);
+            let low = corner(at);
             let object = Object::new(Aabb::new(low, low + 1.0));
             facts(at, &object, triangles(at)[..].into(), None).unwrap()
         };
