@@ -61,7 +61,7 @@ impl SceneTree {
 
     /// Updates the tree to the scene's present revision by removing and inserting the triangles of changed
     /// objects. The tree is built anew as by [`new`](Self::new) for another scene than before, and after an
-    /// object has gone that was some 1,000 times as far from `Scene::origin` as all that remain, since
+    /// object has gone that was some 16 times as far from `Scene::origin` as all that remain, since
     /// planes keep the margins that it needed.
     ///
     /// # Errors
@@ -310,22 +310,21 @@ mod tests {
         assert_eq!(tree.object(index(far)), None, "the far object is gone");
     }
 
-    /// The margins are for coordinates of 1,000 m. Whether that is 1,000 times as much as the rest needs
+    /// The margins are for coordinates of 16 m. Whether that is 16 times as much as the rest needs
     /// decides over a new tree, from which on they are for what is left.
     #[test]
     fn a_tree_that_has_lost_its_extent_is_built_anew() {
-        // Bounds are rounded outwards by a step: those of the second are 1 m, as much as is enough.
-        for (kept, is_anew) in [(0.5, true), (1f32.next_down(), false), (1.5, false)] {
+        for (kept, is_anew) in [(0.5, true), (1f32.next_down(), true), (1.0, false), (1.5, false)] {
             for side in [1.0, -1.0] {
                 let mut scene = Scene::new();
                 let near = |side: f32| [[kept * side, 0.0], [0.0, 0.25], [0.0, -0.25]];
                 insert(&mut scene, vec![near(side).map(|[x, y]| Vec3::new(x, y, 0.0))]);
-                let far = insert(&mut scene, vec![across(1000.0)]);
+                let far = insert(&mut scene, vec![across(16.0)]);
                 let mut tree = SceneTree::new(&scene).unwrap();
-                assert_eq!(tree.tree().magnitude().max_element(), 1000.0, "with the far object");
+                assert_eq!(tree.tree().magnitude().max_element(), 16.0, "with the far object");
                 scene.remove(far).unwrap();
                 tree.sync(&scene).unwrap();
-                let expected = if is_anew { 0.5 } else { 1000.0 };
+                let expected = if is_anew { f64::from(kept) } else { 16.0 };
                 assert_eq!(
                     tree.tree().magnitude().max_element(),
                     expected,
@@ -339,23 +338,23 @@ mod tests {
             (vec![across(1.0)], false),
             (vec![across(1.0), across(0.5)], false),
             (vec![across(-0.5).map(|v| v * 0.5)], true),
-            (vec![flat(900.0)], true),
-            (vec![flat(900.0), across(0.5).map(|v| v * 0.5)], true),
+            (vec![flat(15.0)], true),
+            (vec![flat(15.0), across(0.5).map(|v| v * 0.5)], true),
             (vec![], true),
         ] {
             let mut scene = Scene::new();
             insert(&mut scene, vec![across(0.5).map(|v| v * 0.5)]);
-            let far = insert(&mut scene, vec![across(1000.0)]);
+            let far = insert(&mut scene, vec![across(16.0)]);
             let mut tree = SceneTree::new(&scene).unwrap();
             scene.remove(far).unwrap();
             insert(&mut scene, new.clone());
             tree.sync(&scene).unwrap();
-            let expected = if is_anew { 0.5 } else { 1000.0 };
+            let expected = if is_anew { 0.5 } else { 16.0 };
             assert_eq!(tree.tree().magnitude().max_element(), expected, "{new:?} comes");
         }
         // Without a polygon there is nothing to build anew.
         let mut scene = Scene::new();
-        let far = insert(&mut scene, vec![across(1000.0)]);
+        let far = insert(&mut scene, vec![across(16.0)]);
         let mut tree = SceneTree::new(&scene).unwrap();
         scene.remove(far).unwrap();
         let small = insert(&mut scene, vec![across(0.5)]);

@@ -328,8 +328,8 @@ fn owners_beyond_those_that_are_stored_count_as_several() {
 /// Returns pieces with the given bounds, as whole numbers that are rounded outwards.
 fn pieces(boxes: &[[[i32; 3]; 2]]) -> Vec<Piece> {
     let piece = |(source, &[low, high]): (usize, &[[i32; 3]; 2])| {
-        let [low, high] = [low, high].map(|p| DVec3::from_array(p.map(f64::from)));
-        Piece { source: source as u32, start: 0, len: 0, bounds: Aabb::from_world(low, high, DVec3::ZERO) }
+        let [low, high] = [low, high].map(|p| Vec3::from_array(p.map(|x| x as f32)));
+        Piece { source: source as u32, start: 0, len: 0, bounds: Aabb::new(low, high) }
     };
     boxes.iter().enumerate().map(piece).collect()
 }
