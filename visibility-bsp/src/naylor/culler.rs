@@ -26,8 +26,9 @@ use visibility_core::{Accuracy, CullStats, Culler, ObjectId, Scene, View, Visibl
 /// of polygons and of an 8 by 8 grid, and each part counts alone. Triangles of an object that are all so
 /// narrow count by what they show together. An object wholly beyond the near plane whose whole box is that
 /// narrow is reported visible. Where coordinates that the tree holds, or held lately, are so large that image
-/// positions are not known to 1e-8 of half the image, every object stays visible. Triangles nearer to each other than the
-/// [margin](crate::BspTree#robustness) of the tree's planes may hide each other in the wrong order.
+/// positions are not known to 1e-8 of half the image, every object stays visible. Triangles nearer to each
+/// other than the [margin](crate::BspTree#robustness) of the tree's planes may hide each other in the wrong
+/// order.
 ///
 /// # Cost
 /// About a microsecond per fragment that is visible or on the boundary of a visible region. Memory grows with

@@ -34,8 +34,8 @@ impl Subdivision {
     }
 
     /// Makes the cells that portal cullers share. Their tolerance covers the rounding of coordinates, beside
-    /// the [misplacement](Viewcells::misplacement) of the viewcells, which covers merged vertices: 2^-30 of the
-    /// longest side of the box around all cells, plus 2^-49 of the greatest coordinate.
+    /// the [misplacement](Viewcells::misplacement) of the viewcells, which covers merged vertices: 2^-30 of
+    /// the longest side of the box around all cells, plus 2^-49 of the greatest coordinate.
     ///
     /// # Errors
     /// The errors of [`SceneCells::new`].

@@ -91,8 +91,8 @@ pub(super) fn subtract(
         }
         let mut rest = piece;
         for plane in planes {
-            // What is lost of a cut is lost once for each polygon of a row: no more than rounding, 2^-51 of the
-            // greatest coordinate, of which hundreds are less than vertices may be merged elsewhere.
+            // What is lost of a cut is lost once for each polygon of a row: no more than rounding, 2^-51 of
+            // the greatest coordinate, of which hundreds are less than vertices may be merged elsewhere.
             let rounding = lengths.merge / 2048.0;
             clip_into(&rest, &plane.flipped(), rounding, &mut outer);
             clip_into(&rest, plane, rounding, &mut inner);
