@@ -82,7 +82,8 @@ fn map_of(node: Node<'_, '_>, outer: Option<(Affine, bool)>) -> Result<Option<(A
         }
     }
     let style = without_comments(node.attribute("style").unwrap_or(""));
-    // Whether a property of the element itself has one of the values: that of its style, else of the attribute.
+    // Whether a property of the element itself has one of the values: that of its style, else that of the
+    // attribute.
     let has = |name: &str, values: &[&str]| {
         let own = properties(&style).filter(|(of, _)| of.eq_ignore_ascii_case(name)).map(|(_, value)| value);
         // The last one counts, and `!important` ones before others.
