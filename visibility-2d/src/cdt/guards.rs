@@ -312,7 +312,7 @@ mod tests {
         }
     }
 
-    /// Of two guards that see all of a room, one is needless, not both.
+    /// Two guards who each see all of a room: one guard is left out, not both.
     #[test]
     fn a_guard_that_was_dropped_sees_nothing() {
         let corners = [[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]];

@@ -362,7 +362,7 @@ impl Plan {
 fn overlap(one: &[Point], other: &[Point]) -> bool {
     let have_area = one.len() > 2 && other.len() > 2;
     let is_apart = |of: &[Point], others: &[Point]| {
-        // Of a point, the only side has equal ends, and no point is strictly beside it.
+        // The only side of a hull of one point has equal ends, and no point is strictly beside that side.
         (0..of.len()).any(|k| {
             let (a, b) = (of[k], of[(k + 1) % of.len()]);
             others.iter().all(|&p| {

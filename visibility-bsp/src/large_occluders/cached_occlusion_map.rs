@@ -629,7 +629,7 @@ mod tests {
         }
     }
 
-    /// Of a pair before the near plane of a parallel view, one polygon is uneven: the pair is not used.
+    /// A pair with one uneven polygon is not used where it lies before the near plane of a parallel view.
     #[test]
     fn a_pair_is_as_uneven_as_the_worse_of_its_polygons() {
         let [p, q] = [Vec3::new(4.0, 0.0, -5.0), Vec3::new(4.0, 0.0, 5.0)];
