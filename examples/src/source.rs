@@ -60,15 +60,6 @@ pub struct SourceCells {
     pub with_doorways: Option<Box<SourceCells>>,
 }
 
-/// Returns the tolerance for positions of cells and portals, in metres: 2^-30 of the cells' extent, about a
-/// tenth of a micrometre in a building, plus 2^-49 of the largest coordinate, which covers rounding far from
-/// the origin.
-pub fn tolerance(cells: &Viewcells) -> f64 {
-    let (extent, farthest) = size(cells);
-    // The factors are powers of two, so scaling a scene by a power of two does not change answers.
-    extent * 2.0f64.powi(-30) + farthest * 2.0f64.powi(-49)
-}
-
 /// Returns the least distance, in metres, from portal edges at which a line counts as passing for baked
 /// visible sets: the larger of 2^-26 of the cells' extent, about a micrometre in a building, and 2^-32 of the
 /// largest coordinate.

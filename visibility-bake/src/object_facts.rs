@@ -37,17 +37,16 @@ impl ObjectFacts {
     ) -> Self {
         let Object { bounds: given, layers, cost, never_cull, occluder, one_sided, see_through } = *object;
         let hash = object_hash(object, triangles, mesh);
-        let corners = || triangles.iter().flatten().filter(|corner| corner.is_finite());
-        let mesh_box = || mesh.map_or(Aabb::EMPTY, |(mesh, transform)| mesh.placed_bounds(&transform));
-        // A mesh that reaches out of the bounds by more than rounding is not used. Triangles always are.
-        let bounds = if given.is_finite() {
-            let with_triangles = given.union(&Aabb::from_points(corners()));
-            Some(mesh_box())
-                .filter(|mesh| holds_nearly(&given, mesh))
-                .map_or(with_triangles, |mesh| with_triangles.union(&mesh))
-        } else {
-            given
-        };
+        let mut bounds = given;
+        if given.is_finite() {
+            let corners = triangles.iter().flatten().filter(|corner| corner.is_finite());
+            bounds = bounds.union(&Aabb::from_points(corners));
+            // A mesh that reaches out of the given bounds by more than rounding is not used.
+            let mesh = mesh.map(|(mesh, transform)| mesh.placed_bounds(&transform));
+            if let Some(mesh) = mesh.filter(|mesh| holds_nearly(&given, mesh)) {
+                bounds = bounds.union(&mesh);
+            }
+        }
         let triangles = triangles.len() as u32;
         Self {
             bounds,

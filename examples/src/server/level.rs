@@ -4,7 +4,7 @@
 use super::ray_tree::RayTree;
 use crate::pvs::bake;
 use crate::pvs::built::{self, Origin};
-use crate::source::{clearance, tolerance};
+use crate::source::clearance;
 use crate::{SceneSource, floor_plans, region};
 use glam::DVec3;
 use std::path::Path;
@@ -12,7 +12,7 @@ use visibility_2d::cdt::{Opacity, Plan, PlanCells, Wall};
 use visibility_bake::Grid;
 use visibility_core::pvs::Viewcells;
 use visibility_core::who_sees::{Reach, SightCells, ViewcellMatrix};
-use visibility_portals::BakerSettings;
+use visibility_portals::{BakerSettings, SceneCells};
 use visibility_region::ExtendedProjectionCuller;
 use visibility_testing::Random;
 
@@ -204,7 +204,7 @@ fn portals_of(source: &SceneSource) -> Result<ViewcellMatrix, Box<dyn std::error
     let settings =
         BakerSettings::default().with_clearance(Some(clearance(&cells.viewcells))).with_steps_per_cell(STEPS);
     let pvs = bake(&cells.graph, settings, 0, |_| ())?.outcome.matrix.to_pvs(&cells.graph)?;
-    let tolerance = tolerance(&cells.viewcells);
+    let tolerance = SceneCells::usual_tolerance(&cells.viewcells);
     Ok(ViewcellMatrix::of_portals(&cells.graph, cells.viewcells, &pvs, tolerance)?)
 }
 

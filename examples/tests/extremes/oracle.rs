@@ -3,8 +3,9 @@
 
 use visibility_core::glam::{DVec2, DVec3, Vec3};
 use visibility_core::{Accuracy, View, pvs::Viewcell, view::Eye};
-use visibility_examples::source::{SourceCells, clearance, tolerance};
+use visibility_examples::source::{SourceCells, clearance};
 use visibility_examples::walkthrough::World;
+use visibility_portals::SceneCells;
 use visibility_testing::Random;
 
 /// Number of random points tried on each object.
@@ -201,7 +202,7 @@ impl Rooms {
         let edges = polygons.flat_map(|v| (0..v.len()).map(move |i| edge(v, i)));
         Self {
             rooms: cells.viewcells.cells().to_vec(),
-            tolerance: 4.0 * tolerance(&cells.viewcells),
+            tolerance: 4.0 * SceneCells::usual_tolerance(&cells.viewcells),
             edges: if baked { edges.collect() } else { Vec::new() },
             clearance: clearance(&cells.viewcells),
         }

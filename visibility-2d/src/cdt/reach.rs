@@ -162,7 +162,7 @@ mod tests {
         assert_eq!(search(&mut reach), found, "vertices that the point reaches");
     }
 
-    /// A point reaches the vertices on one ray up to the first vertex at which a wall ends, and that vertex too.
+    /// A point reaches the vertices on one ray up to the first vertex at which a wall ends, that vertex too.
     #[test]
     fn rays_end_where_they_touch_a_wall() {
         let walls = [1.0, 2.0, 3.0]

@@ -481,7 +481,7 @@ mod tests {
         assert!(image.is_empty() && !hides(&image, [120.0; 2], [180.0; 2], 1.0), "an image that was cleared");
     }
 
-    /// The nearer of two shapes fills the triangles that both shapes cover, in whichever order they are added.
+    /// The nearer of two shapes fills the triangles that both shapes cover, whichever is added first.
     #[test]
     fn nearer_shapes_fill_what_several_cover() {
         let (left, right) = (square([100.0; 2], [300.0; 2]), square([150.0, 100.0], [400.0, 300.0]));

@@ -3,11 +3,12 @@
 
 use super::bsp_tree::{BspError, BspTree};
 use super::build_scratch::{Builder, Piece, Source, Task};
-use super::node::{EMPTY, NONE, Node, bounds_of, is_leaf};
+use super::node::{EMPTY, NONE, Node, is_leaf};
 use super::splitter;
 use super::store::Record;
 use super::subtree::Subtree;
 use visibility_core::{
+    Aabb,
     geometry::{Plane, PolygonSide, SidePlane},
     glam::DVec3,
 };
@@ -59,7 +60,7 @@ impl BspTree {
                 source: builder.sources.len() as u32,
                 start: self.store.alloc(vertices),
                 len: vertices.len() as u32,
-                bounds: bounds_of(vertices),
+                bounds: Aabb::around(vertices.iter().copied()),
             });
             builder.sources.push(Source { owner, number, plane });
         }
@@ -210,7 +211,8 @@ impl BspTree {
                     self.store.free_range(piece.start, piece.len);
                     for (half, list) in [(&*ahead, &mut *front), (&*behind, &mut *back)] {
                         if half.len() >= 3 {
-                            let (start, bounds) = (self.store.alloc(half), bounds_of(half));
+                            let (start, bounds) =
+                                (self.store.alloc(half), Aabb::around(half.iter().copied()));
                             list.push(Piece { start, len: half.len() as u32, bounds, ..piece });
                         }
                     }

@@ -2,7 +2,7 @@
 
 use super::bsp_tree::{BspError, BspTree};
 use super::build_scratch::{Piece, Source};
-use super::node::{EMPTY, NONE, bounds_of};
+use super::node::{EMPTY, NONE};
 use super::splitter;
 use super::subtree::Subtree;
 use super::traversal::TraversalStack;
@@ -138,7 +138,7 @@ fn check(tree: &BspTree, what: &str) {
             assert_eq!((record.node, record.previous), (id, before), "{what}: links of fragment {fragment}");
             let vertices = tree.store.vertices(record);
             assert!(vertices.iter().all(|v| v.abs().cmple(tree.magnitude).all()), "{what}: magnitude");
-            subtree = subtree.union(&Subtree::of(bounds_of(vertices), record.owner));
+            subtree = subtree.union(&Subtree::of(Aabb::around(vertices.iter().copied()), record.owner));
             // Fragments are in the plane of their node, and on one side of those above.
             assert_eq!(node.plane.side_of_polygon(vertices), PolygonSide::On, "{what}: a fragment of {id}");
             let (mut child, mut above) = (id, node.parent);
@@ -453,13 +453,13 @@ fn bounds_of_points_are_rounded_outwards() {
     let [near, far] = [DVec3::new(1.0, 4.0, -3.0), DVec3::new(2.0, 5.0, 3.0)];
     let exact = Aabb::new(near.as_vec3(), far.as_vec3());
     let mixed = [DVec3::new(1.0, 5.0, -3.0), DVec3::new(2.0, 4.0, 3.0)];
-    assert_eq!(bounds_of(&mixed), exact, "points of `f32`");
+    assert_eq!(Aabb::around(mixed), exact, "points of `f32`");
     let step = |v: Vec3, up: bool| v.to_array().map(|x| if up { x.next_up() } else { x.next_down() });
-    let beside = bounds_of(&[near - 1e-12, far + 1e-12]);
+    let beside = Aabb::around([near - 1e-12, far + 1e-12]);
     assert_eq!(
         beside,
         Aabb::from_arrays(step(exact.min, false), step(exact.max, true)),
         "points beside them"
     );
-    assert_eq!(bounds_of(&[near + 1e-12, far - 1e-12]), exact, "points just inside");
+    assert_eq!(Aabb::around([near + 1e-12, far - 1e-12]), exact, "points just inside");
 }

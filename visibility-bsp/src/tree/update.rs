@@ -3,9 +3,9 @@
 //! polygons is removed once one of its sides is a leaf.
 
 use super::bsp_tree::{BspError, BspTree};
-use super::node::{EMPTY, NONE, bounds_of, is_leaf};
+use super::node::{EMPTY, NONE, is_leaf};
 use super::subtree::Subtree;
-use visibility_core::glam::DVec3;
+use visibility_core::{Aabb, glam::DVec3};
 
 impl BspTree {
     /// Inserts polygons of an owner, in the tree's coordinates, in addition to those that the owner has.
@@ -120,7 +120,7 @@ impl BspTree {
             // Most often nothing changes; the comparison then ends the loop before all fragments are visited.
             while fragment != NONE && subtree != self.subtrees[id as usize] {
                 let record = self.store.record(fragment);
-                let bounds = bounds_of(self.store.vertices(record));
+                let bounds = Aabb::around(self.store.vertices(record).iter().copied());
                 subtree = subtree.union(&Subtree::of(bounds, record.owner));
                 fragment = record.next;
             }

@@ -56,12 +56,12 @@ impl Aabb {
         bounds
     }
 
-    /// Returns the smallest box around `points` where `transform` places them, computed in `f64` and rounded
-    /// outwards to `f32`. [`EMPTY`](Self::EMPTY) without points, NaN if a coordinate is NaN.
-    pub(crate) fn around_placed(points: impl IntoIterator<Item = Vec3>, transform: &DAffine3) -> Self {
+    /// Returns the smallest box that contains points given in `f64`: each side is that of the points where
+    /// `f32` has its coordinate, and is rounded outwards elsewhere. [`EMPTY`](Self::EMPTY) without points,
+    /// NaN if a coordinate is NaN.
+    pub fn around(points: impl IntoIterator<Item = DVec3>) -> Self {
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for point in points {
-            let at = transform.transform_point3(point.as_dvec3());
+        for at in points {
             if at.is_nan() {
                 return Self::new(Vec3::NAN, Vec3::NAN);
             }
@@ -74,6 +74,11 @@ impl Aabb {
         // A number is rounded up by rounding its negative down.
         let low = |corner: DVec3| Vec3::from_array(corner.to_array().map(low));
         Self::new(low(min), -low(-max))
+    }
+
+    /// Returns the box [around](Self::around) `points` where `transform` places them, computed in `f64`.
+    pub(crate) fn around_placed(points: &[Vec3], transform: &DAffine3) -> Self {
+        Self::around(points.iter().map(|point| transform.transform_point3(point.as_dvec3())))
     }
 
     /// Converts a world-space `f64` box to an `f32` box relative to `origin` that certainly contains it.

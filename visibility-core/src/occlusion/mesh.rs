@@ -259,7 +259,7 @@ impl OccluderMesh {
     /// [`bounds`](Self::bounds) [transformed](Aabb::transformed), which is larger for a turned mesh.
     pub fn placed_bounds(&self, transform: &Affine3A) -> Aabb {
         let exact = DAffine3::from_cols_array(&transform.to_cols_array().map(f64::from));
-        Aabb::around_placed(self.positions.iter().copied(), &exact)
+        Aabb::around_placed(&self.positions, &exact)
     }
 
     /// Tests whether every edge joins two triangles. No back face of a closed mesh can be seen from outside.

@@ -149,7 +149,7 @@ impl SharedTriangles {
         let view = self.view();
         match view.transform {
             None => self.mesh().bounds,
-            Some(transform) => Aabb::around_placed(view.mesh.as_flattened().iter().copied(), &transform),
+            Some(transform) => Aabb::around_placed(view.mesh.as_flattened(), &transform),
         }
     }
 
@@ -158,8 +158,8 @@ impl SharedTriangles {
     pub(crate) fn finite_bounds(&self) -> Aabb {
         let view = self.view();
         let transform = view.transform.unwrap_or(DAffine3::IDENTITY);
-        let is_finite = |corner: &Vec3| transform.transform_point3(corner.as_dvec3()).is_finite();
-        Aabb::around_placed(view.mesh.as_flattened().iter().copied().filter(is_finite), &transform)
+        let placed = |corner: &Vec3| transform.transform_point3(corner.as_dvec3());
+        Aabb::around(view.mesh.as_flattened().iter().map(placed).filter(|corner| corner.is_finite()))
     }
 
     /// Returns whether two objects' triangles are the same mesh in memory.

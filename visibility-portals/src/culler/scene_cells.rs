@@ -13,7 +13,7 @@ use visibility_core::{
     Aabb, ObjectId, Scene,
     cells::{CellGraph, CellId, Portal, PortalId},
     geometry::ConvexPolygon,
-    pvs::{Pvs, PvsTargets, Viewcells},
+    pvs::{Pvs, PvsTargets, Viewcell, Viewcells},
     scene::{Changes, SceneCursor},
     stamp::Stamp,
 };
@@ -130,6 +130,21 @@ impl SceneCells {
             viewcells,
             tolerance,
         })
+    }
+
+    /// Returns a tolerance for [`new`](Self::new) that covers the rounding of coordinates in `f64`: 2^-30 of
+    /// the longest side of the box around all cells, about a tenth of a micrometre in a building, plus 2^-49
+    /// of the greatest coordinate. Merged vertices are covered by the [misplacement](Viewcells::misplacement)
+    /// of the viewcells. 0 without cells.
+    pub fn usual_tolerance(viewcells: &Viewcells) -> f64 {
+        let around = |(min, max): (DVec3, DVec3), cell: &Viewcell| (min.min(cell.min), max.max(cell.max));
+        let (min, max) = viewcells.cells().iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), around);
+        if viewcells.cells().is_empty() {
+            return 0.0;
+        }
+        let farthest = min.abs().max(max.abs()).max_element();
+        // The factors are powers of two, so scaling cells by a power of two does not change answers.
+        (max - min).max_element() / f64::from(1 << 30) + 8.0 * f64::EPSILON * farthest
     }
 
     /// Limits the cells seen from a cell to its row of `pvs`, whose viewcells and targets must be the cells

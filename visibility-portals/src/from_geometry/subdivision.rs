@@ -33,20 +33,12 @@ impl Subdivision {
         self.graph.leak(from, |cell| self.outside.binary_search(&cell).is_ok())
     }
 
-    /// Makes the cells that portal cullers share. Their tolerance covers the rounding of coordinates, beside
-    /// the [misplacement](Viewcells::misplacement) of the viewcells, which covers merged vertices: 2^-30 of
-    /// the longest side of the box around all cells, plus 2^-49 of the greatest coordinate.
+    /// Makes the cells that portal cullers share, with the [usual tolerance](SceneCells::usual_tolerance).
     ///
     /// # Errors
     /// The errors of [`SceneCells::new`].
     pub fn into_scene_cells(self) -> Result<SceneCells, SceneCellsError> {
-        let (mut min, mut max) = (DVec3::ZERO, DVec3::ZERO);
-        for (number, cell) in self.viewcells.cells().iter().enumerate() {
-            (min, max) =
-                if number == 0 { (cell.min, cell.max) } else { (min.min(cell.min), max.max(cell.max)) };
-        }
-        let farthest = min.abs().max(max.abs()).max_element();
-        let tolerance = (max - min).max_element() / f64::from(1 << 30) + 8.0 * f64::EPSILON * farthest;
+        let tolerance = SceneCells::usual_tolerance(&self.viewcells);
         SceneCells::new(self.graph, self.viewcells, tolerance)
     }
 }

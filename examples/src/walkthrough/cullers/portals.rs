@@ -1,7 +1,6 @@
 //! Command-line entry of the portal culler.
 
 use super::known::Known;
-use crate::source::tolerance;
 use crate::walkthrough::World;
 use visibility_core::Culler;
 use visibility_portals::{Narrowing, PortalCuller, PortalEye, SceneCells};
@@ -27,7 +26,7 @@ pub fn portals(dial: Option<&str>, world: &World) -> Result<PortalCuller, String
         Some(other) => return Err(format!("it narrows to polygon or rectangle, not to `{other}`")),
     };
     let source = world.cells_to_look_through()?;
-    let tolerance = tolerance(&source.viewcells);
+    let tolerance = SceneCells::usual_tolerance(&source.viewcells);
     let mut cells = SceneCells::new(source.graph.clone(), source.viewcells.clone(), tolerance)
         .map_err(|error| error.to_string())?;
     cells.sync(&world.scene);
