@@ -24,4 +24,4 @@ mod lists;
 
 pub use lists::Lists;
 pub use recipes::built_in;
-pub use source::{SceneSource, tolerance};
+pub use source::SceneSource;

@@ -1,7 +1,8 @@
 //! Lists of a scene's numbers, and the functions by which JavaScript reads them.
 
-use crate::source::{SceneSource, tolerance};
+use crate::source::SceneSource;
 use std::cell::RefCell;
+use visibility_portals::SceneCells;
 
 /// Scene as lists of numbers. JavaScript refers to a list by its index, from 0, in the order of the fields.
 #[derive(Debug, Default, Clone, PartialEq)]
@@ -45,7 +46,7 @@ impl Lists {
         }
         let Some(cells) = &scene.cells else { return lists };
         let cells = cells.with_doorways.as_deref().unwrap_or(cells);
-        lists.tolerance.push(tolerance(&cells.viewcells));
+        lists.tolerance.push(SceneCells::usual_tolerance(&cells.viewcells));
         for cell in cells.viewcells.cells() {
             lists.cells.extend([cell.min, cell.max].iter().flat_map(|corner| corner.to_array()));
         }

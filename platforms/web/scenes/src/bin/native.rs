@@ -22,7 +22,7 @@ use visibility_hzb::{Hzb, HzbCuller};
 use visibility_measure::{Comparison, ItemBuffer};
 use visibility_portals::{BakerSettings, CellBaker, PortalCuller, PortalEye, Reflection, SceneCells};
 use visibility_region::OnlinePvs;
-use visibility_web_scenes::{SceneSource, built_in, tolerance};
+use visibility_web_scenes::{SceneSource, built_in};
 
 /// Width over height of all pictures.
 const ASPECT: f64 = 16.0 / 9.0;
@@ -93,7 +93,7 @@ fn pipelines(
         vec![("frustum", frustum()), ("z-buffer", frustum().with(HzbCuller::new(Hzb::default())))];
     if let Some(cells) = &source.cells {
         let cells = cells.with_doorways.as_deref().unwrap_or(cells);
-        let tolerance = tolerance(&cells.viewcells);
+        let tolerance = SceneCells::usual_tolerance(&cells.viewcells);
         let pvs = Bake::new(CellBaker::new(&cells.graph, BakerSettings::default())?).run().matrix;
         let touching = |id| {
             let bounds = scene.bounds(id).unwrap_or(Aabb::EMPTY);
@@ -175,7 +175,8 @@ fn mirrored(
     let Some(cells) = &source.cells else { return Ok(()) };
     let cells = cells.with_doorways.as_deref().unwrap_or(cells);
     let boxes = cells.viewcells.cells();
-    let mut own = SceneCells::new(cells.graph.clone(), cells.viewcells.clone(), tolerance(&cells.viewcells))?;
+    let tolerance = SceneCells::usual_tolerance(&cells.viewcells);
+    let mut own = SceneCells::new(cells.graph.clone(), cells.viewcells.clone(), tolerance)?;
     for (cell, &Viewcell { min, max, .. }) in (0..).zip(boxes).step_by(MIRRORED_EVERY) {
         let corners = [[min.y, min.z], [max.y, min.z], [max.y, max.z], [min.y, max.z]];
         let glass = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(min.x, y, z)))?;
