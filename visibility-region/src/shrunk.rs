@@ -362,6 +362,47 @@ mod tests {
         assert!(!visible.contains(&scene, id), "an object is hidden from a point far from the origin");
     }
 
+    /// A culler that removes nothing, and stores the bounds of the objects that it is given.
+    struct BoundsGiven(Vec<Aabb>);
+
+    impl Culler for BoundsGiven {
+        fn name(&self) -> &str {
+            "bounds given"
+        }
+
+        fn accuracy(&self) -> Accuracy {
+            Accuracy::Conservative
+        }
+
+        fn cull(&mut self, scene: &Scene, _: &View, visible: &mut VisibleSet) -> CullStats {
+            self.0.extend(visible.iter(scene).filter_map(|id| scene.bounds(id).ok()));
+            visible.retain(scene, |_, _| true)
+        }
+    }
+
+    /// A mesh that reaches out of the bounds of its object by rounding: a box without what reaches out could
+    /// be hidden behind another object from all points, although the mesh is seen beside it.
+    #[test]
+    fn objects_keep_the_bounds_that_hold_their_meshes() {
+        let bounds = Aabb::from_arrays([3.0; 3], [4.0; 3]);
+        let mesh = OccluderMesh::cuboid(&Aabb::new(bounds.min, bounds.max.map(f32::next_up))).unwrap();
+        let mut scene = Scene::new();
+        let id = scene.insert(bounds);
+        let mesh = scene.add_mesh(mesh);
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        let held = scene.bounds(id).unwrap();
+        assert!(held.max.cmpgt(bounds.max).all(), "the scene enlarges {held:?} to hold the mesh");
+        let mut culler = ShrunkCuller::new(BoundsGiven(Vec::new()), 1);
+        let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+        culler.cull(&scene, &cell, &mut VisibleSet::new());
+        assert!(!culler.culler.0.is_empty(), "a culler is given the object");
+        assert!(
+            culler.culler.0.iter().all(|&given| given == held),
+            "cullers are given {:?}",
+            culler.culler.0
+        );
+    }
+
     #[test]
     fn solids_shrink_by_the_distance_at_least() {
         let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([3.0, 0.0, 0.0], [7.0, 4.0, 1.0])).unwrap();
