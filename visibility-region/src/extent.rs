@@ -25,17 +25,17 @@ pub(crate) fn quantile(numbers: &mut [f64], part: f64) -> Option<f64> {
 /// Returns a box around a scene's objects, relative to the scene's origin. It is cut off at [`FARTHEST`]
 /// times the reach of nine in ten objects, or of the viewcell if that is greater. Objects that reach out of
 /// the box count as visible. Occluders hide nothing if their coordinates are several times as large as the
-/// greatest coordinate of the box. `None` if the scene has no objects that can be culled, or none with proper
-/// bounds.
+/// greatest coordinate of the box. `None` if the scene has no objects that can be culled.
 pub(crate) fn usable_bounds(scene: &Scene, cell: &Viewcell) -> Option<Aabb> {
     let bounds = scene.culled_bounds()?;
-    let step = scene.index_limit() / SAMPLE + 1;
-    let sampled = (0..scene.index_limit()).step_by(step).filter_map(|index| scene.id_at(index));
-    let bounds_of = sampled.filter_map(|id| scene.bounds(id).ok()).filter(Aabb::is_proper);
+    let step = scene.len() / SAMPLE + 1;
+    let bounds_of = scene.ids().step_by(step).filter_map(|id| scene.bounds(id).ok()).filter(Aabb::is_proper);
     let reach = |min: Vec3, max: Vec3| f64::from(min.abs().max(max.abs()).max_element());
     let mut reaches: Vec<f64> = bounds_of.map(|bounds| reach(bounds.min, bounds.max)).collect();
     let own = (cell.min - scene.origin()).abs().max((cell.max - scene.origin()).abs()).max_element();
-    let most = FARTHEST * quantile(&mut reaches, 0.9)?.max(own);
+    // None of the sampled objects may have proper bounds.
+    let usual = quantile(&mut reaches, 0.9).unwrap_or_else(|| reach(bounds.min, bounds.max));
+    let most = FARTHEST * usual.max(own);
     let most = Vec3::splat(most.min(f64::from(f32::MAX)) as f32);
     Some(Aabb::new(bounds.min.max(-most), bounds.max.min(most)))
 }
@@ -43,4 +43,23 @@ pub(crate) fn usable_bounds(scene: &Scene, cell: &Viewcell) -> Option<Aabb> {
 /// Tests whether `bounds` contains the box `inner`, which may touch its sides.
 pub(crate) fn contains(bounds: &Aabb, inner: &Aabb) -> bool {
     bounds.min.cmple(inner.min).all() && inner.max.cmple(bounds.max).all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of 2,048 objects, each third has left, and the one that stays at an index after it is far away: what
+    /// is sampled are objects, not indices.
+    #[test]
+    fn a_scene_of_which_objects_have_left_has_usable_bounds() {
+        let mut scene = Scene::new();
+        let ids: Vec<_> =
+            (0..2048u16).map(|i| scene.insert(Aabb::new(Vec3::ZERO, Vec3::splat(f32::from(i))))).collect();
+        for id in ids.iter().step_by(3) {
+            scene.remove(*id).unwrap();
+        }
+        let cell = Viewcell::from_box(visibility_core::glam::DVec3::ZERO, visibility_core::glam::DVec3::ONE);
+        assert_eq!(usable_bounds(&scene, &cell), scene.culled_bounds(), "all objects are near each other");
+    }
 }

@@ -49,7 +49,8 @@ const KEPT: usize = 32;
 /// # Cost
 /// A viewcell of .6 m takes 2 to 30 milliseconds in scenes of some thousand objects, a wide box 15 to 100.
 /// A step takes as much of a sweep as its budget allows. Four things are not divided: the first step in a
-/// scene of walls, of at most 32 triangles an occluder, sorts all their edges; beginning a sweep takes up to
+/// scene of walls, of at most 32 triangles an occluder, sorts all their edges, and so does the first after the
+/// origin or as many occluders as there are have changed; beginning a sweep takes up to
 /// 60 nanoseconds for each object asked and, where objects are asked one by one, for each occluder; beginning
 /// and finishing a box, and the step in the middle of a wide one, take some nanoseconds for each object of
 /// the scene; and once the hierarchy of the scene has changed at more than two steps of a wide box, each of

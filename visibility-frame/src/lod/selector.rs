@@ -49,7 +49,7 @@ pub struct Lod {
 /// a fade.
 ///
 /// # Cost
-/// About 20 ns per visible object. Memory: 24 bytes per object index and 24 bytes per visible object.
+/// About 20 ns per visible object. Memory: 24 bytes per object index and 20 bytes per object of the scene.
 ///
 /// ```
 /// use visibility_core::glam::DVec3;
