@@ -12,6 +12,7 @@ use visibility_examples::gltf_file::parse;
 use visibility_examples::reading::Reading;
 use visibility_examples::region::judge::{Effort, Judge};
 use visibility_examples::region::{methods, world};
+use visibility_examples::source::SourceCells;
 use visibility_examples::walk::{CameraKey, Walk};
 use visibility_examples::walkthrough::{World, cullers, judge, run};
 use visibility_examples::{Hint, SceneSource, SourceObject, load_as, pvs};
@@ -334,20 +335,23 @@ fn cells_are_not_walled_by_backs() {
 }
 
 #[test]
-fn cells_are_made_only_near_the_origin_of_few_triangles() {
-    let error = |source: &SceneSource, origin| pvs::built::cells(source, origin).err().unwrap_or_default();
-    let mut far = read(json!({}), false);
-    far.origin = DVec3::X;
-    let object = &far.objects[0];
+fn cells_are_made_anywhere_of_few_triangles() {
+    let near = read(json!({}), false);
+    let by = DVec3::new(3e6, -2e6, 1e6);
+    let mut far = SceneSource { origin: by, ..near.clone() };
+    far.walks.iter_mut().flat_map(|walk| &mut walk.keys).for_each(|key| key.eye += by);
+    let object = &near.objects[0];
     let mesh = SharedTriangles::from(vec![[Vec3::X, Vec3::Y, Vec3::Z]; 1 << 15]);
     let copy = SourceObject { triangles: mesh, ..object.clone() };
     let many = SceneSource { objects: vec![copy; 1025], ..SceneSource::new("many", Vec3::Y, 0.1) };
     for origin in [pvs::built::Origin::Polygons, pvs::built::Origin::Walls] {
-        assert!(
-            error(&far, origin).contains("origin is zero"),
-            "{origin:?} far away: {}",
-            error(&far, origin)
-        );
-        assert!(error(&many, origin).contains("33587200 in all"), "{origin:?}: {}", error(&many, origin));
+        let [near, far] = [&near, &far].map(|source| pvs::built::cells(source, origin).expect("cells"));
+        let counts = |cells: &SourceCells| (cells.graph.cell_count(), cells.graph.portals().len());
+        assert_eq!(counts(&far), counts(&near), "{origin:?}: cells and portals far away");
+        for (far, near) in far.viewcells.cells().iter().zip(near.viewcells.cells()) {
+            assert!((far.min - by).distance(near.min) < 1e-3, "{origin:?}: {} is {}", far.min, near.min);
+        }
+        let error = pvs::built::cells(&many, origin).err().unwrap_or_default();
+        assert!(error.contains("33587200 in all"), "{origin:?}: {error}");
     }
 }

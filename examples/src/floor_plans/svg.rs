@@ -3,7 +3,7 @@
 //! Curves become chords. Coordinates are user units of the file, with y downwards, after the transforms of
 //! the elements. Percentages are of the file's `viewBox`. `use`, nested `svg` elements and transforms in
 //! style sheets would move walls, and `display` and `visibility` in style sheets would hide some, as may
-//! style sheets of other files, so a file with any of these is refused rather than read wrongly. Elements
+//! style sheets of other files and animations, so a file with any of these is refused rather than read wrongly. Elements
 //! that are not drawn in place (definitions, clip paths, masks, markers, patterns, symbols), not displayed
 //! (`display: none`) or not visible (`visibility: hidden` or `collapse`) make no walls.
 
@@ -26,6 +26,14 @@ const STYLED: &str = "only an element's own `display` and `visibility` may hide 
 
 /// Names of style properties that hide an element.
 const HIDING: [&str; 2] = ["display", "visibility"];
+
+/// Values of `display` and of `visibility`, in lower case, that are read. An empty one stands for none. Others
+/// may be variables, or wrong, in which case an earlier one holds.
+const READ: [&[&str]; 2] =
+    [&["", "none", "inline", "block", "inherit"], &["", "visible", "hidden", "collapse", "inherit"]];
+
+/// Names of elements that change others: while they run, or by style sheets of other files.
+const CHANGING: [&str; 5] = ["set", "animate", "animateTransform", "animateMotion", "link"];
 
 /// Names of style properties that move an element.
 const MOVING: [&str; 6] = ["transform", "transform-origin", "translate", "rotate", "scale", "offset-path"];
@@ -67,7 +75,7 @@ pub fn read(content: &str) -> Result<PlanFile, Problem> {
 /// attribute `transform` moves what is drawn, or a style sheet may hide it.
 fn map_of(node: Node<'_, '_>, outer: Option<(Affine, bool)>) -> Result<Option<(Affine, bool)>, String> {
     let name = node.tag_name().name();
-    if node.pi().is_some_and(|pi| pi.target == "xml-stylesheet") {
+    if CHANGING.contains(&name) || node.pi().is_some_and(|pi| pi.target == "xml-stylesheet") {
         return Err(STYLED.into());
     }
     // The content of a `style` element holds for the whole file.
@@ -82,25 +90,29 @@ fn map_of(node: Node<'_, '_>, outer: Option<(Affine, bool)>) -> Result<Option<(A
         }
     }
     let style = without_comments(node.attribute("style").unwrap_or(""));
-    // Whether a property of the element itself has one of the values: that of its style, else that of the
-    // attribute.
-    let has = |name: &str, values: &[&str]| {
+    // The values of the properties of the element itself: that of its style, else that of the attribute.
+    let own = HIDING.map(|name| {
         let own = properties(&style).filter(|(of, _)| of.eq_ignore_ascii_case(name)).map(|(_, value)| value);
         // The last one counts, and `!important` ones before others.
-        let own =
-            own.enumerate().max_by_key(|(at, value)| (value.contains('!'), *at)).map(|(_, value)| value);
-        let own = own.or(node.attribute(name)).unwrap_or("");
-        let own = own.split('!').next().unwrap_or("").trim();
-        values.iter().any(|value| own.eq_ignore_ascii_case(value))
-    };
-    let is_drawn = !has("display", &["none"]) && !UNDRAWN.contains(&name);
+        let last = own.enumerate().max_by_key(|(at, value)| (value.contains('!'), *at));
+        let own = last.map(|(_, value)| value).or(node.attribute(name)).unwrap_or("");
+        own.split('!').next().unwrap_or("").trim().to_ascii_lowercase()
+    });
+    if own.iter().zip(READ).any(|(value, read)| !read.contains(&value.as_str())) {
+        return Err(STYLED.into());
+    }
+    let [display, visibility] = own;
+    let is_drawn = display != "none" && !UNDRAWN.contains(&name);
     let Some((outer, is_outer_visible)) = outer.filter(|_| is_drawn) else { return Ok(None) };
     if node.has_attribute("transform-origin") || has_any(&style, &MOVING) {
         return Err(MOVED.into());
     }
     // Visible elements within hidden ones are drawn.
-    let is_visible =
-        !has("visibility", &["hidden", "collapse"]) && (is_outer_visible || has("visibility", &["visible"]));
+    let is_visible = match visibility.as_str() {
+        "hidden" | "collapse" => false,
+        "visible" => true,
+        _ => is_outer_visible,
+    };
     let map: Transform = parse("transform", node.attribute("transform").unwrap_or(""))?;
     Ok(Some((outer * Affine::new([map.a, map.b, map.c, map.d, map.e, map.f]), is_visible)))
 }
@@ -426,6 +438,12 @@ mod tests {
             r#"<style>@import "off.css";</style><path class="off" d="M0 0L1 1"/>"#,
             r#"<?xml-stylesheet href="off.css"?><path class="off" d="M0 0L1 1"/>"#,
             r#"<style>.a{fill:none}<!-- --> .off { /* : */ Visibility: hidden }</style><path d="M0 0L1 1"/>"#,
+            r#"<style>:root{--x:none}</style><path style="display:var(--x)" d="M0 0L1 1"/>"#,
+            r#"<path style="visibility:hidden;visibility:foo" d="M0 0L1 1"/>"#,
+            r#"<path style="display:foo" display="none" d="M0 0L1 1"/>"#,
+            r#"<path d="M0 0L1 1"><set attributeName="display" to="none"/></path>"#,
+            r#"<g><animateTransform type="scale" to="2"/><path d="M0 0L1 1"/></g>"#,
+            r#"<link xmlns="http://www.w3.org/1999/xhtml" rel="stylesheet" href="off.css"/><path d="M0 0L1 1"/>"#,
             r#"<svg x="4"><path d="M0 0L1 1"/></svg>"#,
             r##"<path id="a" d="M0 0L1 1"/><use href="#a" x="4"/>"##,
         ] {

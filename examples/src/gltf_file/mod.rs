@@ -28,7 +28,7 @@ use document::Document;
 use glam::{DAffine3, DMat4, DVec3, Vec3};
 use gltf::mesh::{Mode, Semantic};
 use instances::{Instances, instance_count};
-use motion::{Box64, EMPTY, Motion, MovedBox, around, corners as box_corners, image_at_rest, union};
+use motion::{Box64, EMPTY, Motion, MovedBox, around, corners as box_corners, union};
 use nodes::Nodes;
 use serde_json::Value;
 use shape::Shape;
@@ -87,7 +87,7 @@ pub fn parse_as(bytes: &[u8], path: &Path, reading: &Reading) -> Result<SceneSou
         origin: DVec3::ZERO,
         objects: Vec::new(),
         moved: Vec::new(),
-        at_rest: Vec::new(),
+        bounds_of_movers: Vec::new(),
         without_triangles: 0,
         kept: 0,
         placed: 0,
@@ -182,7 +182,7 @@ struct Collector<'a> {
     /// Boxes that nodes move. Together they contain the moving objects.
     moved: Vec<MovedBox>,
     /// Boxes of the moving objects at rest, in world space, each with the index of its object.
-    at_rest: Vec<(usize, Box64)>,
+    bounds_of_movers: Vec<(usize, Box64)>,
     /// Number of primitives without triangles: points, lines, or no positions.
     without_triangles: usize,
     /// Number of triangles in memory.
@@ -372,22 +372,21 @@ impl Collector<'_> {
         object.never_cull |= is_pointed_at_here;
         object.opaque = false;
         object.motion = Some(Box::default());
-        let (mover, mut all) = (self.at_rest.len(), EMPTY);
+        let mover = self.bounds_of_movers.len();
         for (node, to_node, bounds) in primitive.shape.boxes(node.index(), instance, &primitive.order) {
             object.never_cull |= is_pointed_at[node];
-            all = union(all, image_at_rest(self.nodes.worlds[node], to_node, bounds));
             self.moved.push(MovedBox { mover, node, to_node, bounds });
         }
-        self.at_rest.push((self.objects.len(), all));
+        self.bounds_of_movers.push((self.objects.len(), EMPTY));
     }
 
     /// Sets the bounds of all moving objects to contain them throughout all animations. An object with
     /// unknown bounds is never culled.
     fn bound_movers(&mut self) {
         self.moved.sort_by_key(|moved| self.nodes.subtrees[moved.node].start);
-        let known =
-            self.motion.enclose(&self.document.transforms, self.nodes, &self.moved, &mut self.at_rest);
-        for &(object, (low, high)) in &self.at_rest {
+        let bounds = &mut self.bounds_of_movers;
+        let known = self.motion.enclose(&self.document.transforms, self.nodes, &self.moved, bounds);
+        for &(object, (low, high)) in &*bounds {
             let object = &mut self.objects[object];
             let bounds = Aabb::from_world(low, high, self.origin);
             object.never_cull |= !known || !low.is_finite() || !high.is_finite() || !bounds.is_finite();

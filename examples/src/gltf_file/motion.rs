@@ -43,9 +43,10 @@ const STEPS: usize = 512;
 const MOST_STEPS: usize = 16;
 /// Maximum amount of work: the number of node transforms and boxes, summed over all steps of all clips.
 const MOST_WORK: usize = 1 << 24;
-/// Relative difference between poses in `f32` and in `f64`, as a fraction of a point's distance from a node:
-/// sixteen roundings of 2^-24 for each node in a chain of about ten. A node that turns moves what is below it
-/// by this fraction of the distance from the turning node, however near the node below is.
+/// Relative difference between poses in `f32` and in `f64`, as a fraction of a point's distance from a node,
+/// and of the node's from its parent: 168 roundings of 2^-24. A node that turns moves what is below it by
+/// this fraction of the distance from the turning node, however near the node below is, and whether a clip
+/// turns it or it is turned at rest.
 const ROUNDING: f64 = 1e-5;
 /// Greatest absolute dot product of two keys' unit quaternions whose rotations count as half a turn apart.
 /// Which of the two arcs between them is shorter then depends on the rounding of a renderer in `f32`: the sum
@@ -228,9 +229,9 @@ impl Motion {
         &self.weights[node]
     }
 
-    /// Enlarges the world-space bounds of each moving object to contain its boxes at all times of all clips.
-    /// `boxes` are sorted by the positions of their nodes in [`Nodes::order`]. Returns false if this exceeds
-    /// [`MOST_WORK`]; the bounds are then too small.
+    /// Enlarges the world-space bounds of each moving object to contain its boxes at rest and at all times of
+    /// all clips. `boxes` are sorted by the positions of their nodes in [`Nodes::order`]. Returns false if
+    /// this exceeds [`MOST_WORK`]; the bounds then hold the boxes at rest alone.
     pub(super) fn enclose(
         &self,
         transforms: &[LocalTransform],
@@ -238,6 +239,19 @@ impl Motion {
         boxes: &[MovedBox],
         bounds: &mut [(usize, Box64)],
     ) -> bool {
+        let mut worlds: Vec<ErrorMap> = vec![ErrorMap::exact(nodes.root); transforms.len()];
+        for &node in &nodes.order {
+            let local = ErrorMap::rounded(transforms[node].matrix());
+            worlds[node] =
+                nodes.parents[node].map_or(ErrorMap::exact(nodes.root), |at| worlds[at]).after(&local);
+        }
+        let at_rest = worlds.clone();
+        let mut enlarge = |moved: &MovedBox, worlds: &[ErrorMap]| {
+            let map = worlds[moved.node].after(&ErrorMap::rounded(moved.to_node));
+            let bounds = &mut bounds[moved.mover].1;
+            *bounds = union(*bounds, map.image(moved.bounds));
+        };
+        boxes.iter().for_each(|moved| enlarge(moved, &at_rest));
         // The boxes at the nodes of a range of the order.
         let boxes_at = |range: &Range<usize>| {
             let before = |end: usize| boxes.partition_point(|moved| nodes.subtrees[moved.node].start < end);
@@ -260,7 +274,6 @@ impl Motion {
         if work > MOST_WORK {
             return false;
         }
-        let mut worlds: Vec<ErrorMap> = nodes.worlds.iter().map(|&world| ErrorMap::exact(world)).collect();
         for (clip, moved) in self.clips.iter().zip(&moved) {
             for (from, to) in clip.spans() {
                 for &(below, boxes) in moved {
@@ -271,16 +284,12 @@ impl Motion {
                             None => ErrorMap::exact(nodes.root).after(&local),
                         };
                     }
-                    for moved in boxes {
-                        let map = worlds[moved.node].after(&ErrorMap::exact(moved.to_node));
-                        let bounds = &mut bounds[moved.mover].1;
-                        *bounds = union(*bounds, map.image(moved.bounds));
-                    }
+                    boxes.iter().for_each(|moved| enlarge(moved, &worlds));
                 }
             }
             // Back to rest for the next clip.
             let nodes_moved = moved.iter().flat_map(|(below, _)| below.iter());
-            nodes_moved.for_each(|&node| worlds[node] = ErrorMap::exact(nodes.worlds[node]));
+            nodes_moved.for_each(|&node| worlds[node] = at_rest[node]);
         }
         true
     }
@@ -327,7 +336,7 @@ impl Clip {
     /// Returns the map from a node's space to its parent's, with bounds on its error during a step.
     fn local(&self, node: usize, at_rest: &LocalTransform, from: f64, to: f64) -> ErrorMap {
         let Some([moved, turned, scaled]) = self.channels.get(&node) else {
-            return ErrorMap::exact(at_rest.matrix());
+            return ErrorMap::rounded(at_rest.matrix());
         };
         let (scale, rotation, translation) = at_rest.parts();
         let range = |channel: &Option<Channel>, rest: DVec3| {
@@ -341,7 +350,7 @@ impl Clip {
         let turn = 2.0 * (angle.min(std::f64::consts::PI) * 0.5).sin();
         let growing = wider.max_element() + turn * scale.abs().max_element();
         let pose = ErrorMap::rounded(DMat4::from_scale_rotation_translation(scale, rotation, translation));
-        ErrorMap { fixed: beside, growing: pose.growing + growing, ..pose }
+        ErrorMap { fixed: pose.fixed + beside, growing: pose.growing + growing, ..pose }
     }
 }
 
@@ -480,12 +489,6 @@ impl Channel {
     }
 }
 
-/// Returns a box that contains the images of all points of a box at rest, as a renderer computes them in
-/// `f32`. `to_node` maps the space of the box to that of a node, and `world` the node's to world space.
-pub(super) fn image_at_rest(world: DMat4, to_node: DMat4, bounds: Box64) -> Box64 {
-    ErrorMap::rounded(world).after(&ErrorMap::exact(to_node)).image(bounds)
-}
-
 /// Affine map with bounds on its error. The image of a point p differs from `matrix * p` by at most `fixed`
 /// along each axis, plus `growing * |p|`.
 #[derive(Clone, Copy)]
@@ -503,10 +506,11 @@ impl ErrorMap {
         Self { norm: norm(&matrix), matrix, fixed: DVec3::ZERO, growing: 0.0 }
     }
 
-    /// Returns the map of a matrix whose linear part a renderer rounds to `f32`.
+    /// Returns the map of a matrix that a renderer rounds to `f32`.
     fn rounded(matrix: DMat4) -> Self {
         let exact = Self::exact(matrix);
-        Self { growing: ROUNDING * exact.norm, ..exact }
+        let fixed = DVec3::splat(ROUNDING * matrix.w_axis.truncate().length());
+        Self { growing: ROUNDING * exact.norm, fixed, ..exact }
     }
 
     /// Returns the map that applies `inner` and then this map. For the bound on its error, with q = inner(p):

@@ -26,15 +26,10 @@ pub enum Origin {
 /// # Errors
 ///
 /// Returns a message when the scene has no cells and `origin` is [`Origin::Given`], or when cells cannot be
-/// made from the geometry: also if the scene's origin is not zero, or instances have too many triangles to
-/// copy.
+/// made from the geometry: also if instances have too many triangles to copy.
 pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String> {
     if origin != Origin::Given {
         source.check_copies()?;
-        // Cells are in world space, and the gaps that they count as closed grow with the coordinates.
-        if source.origin != DVec3::ZERO {
-            return Err("cells are made of triangles only where the scene's origin is zero".to_owned());
-        }
     }
     let made = match origin {
         Origin::Given => {
@@ -48,7 +43,7 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
             let (polygons, one_sided) = polygons(source);
             let solid = SolidRule::Unreached(&eyes);
             let settings = PolygonSettings::default().with_solid(solid).with_one_sided(&one_sided);
-            from_polygons(&polygons, &settings)
+            from_polygons(&polygons, &settings.with_origin(source.origin))
         }
     };
     let Subdivision { graph, viewcells, outside } = made.map_err(|error| error.to_string())?;
@@ -65,11 +60,12 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
     Ok(SourceCells { graph, viewcells, names, depth: 0.0, with_doorways: None })
 }
 
-/// Returns the triangles of a scene's walls in f64, without degenerate ones, and for each triangle whether it
+/// Returns the triangles of a scene's walls in world space, without degenerate ones, and for each triangle whether it
 /// is drawn only from its front.
 pub fn polygons(source: &SceneSource) -> (Vec<ConvexPolygon>, Vec<bool>) {
     let opaque = source.objects.iter().filter(|object| object.is_wall());
-    let polygon = |triangle: [Vec3; 3]| ConvexPolygon::new(triangle.map(|p| p.as_dvec3())).ok();
+    let polygon =
+        |triangle: [Vec3; 3]| ConvexPolygon::new(triangle.map(|p| p.as_dvec3() + source.origin)).ok();
     let of = |object: &SourceObject| {
         let one_sided = object.one_sided;
         object

@@ -18,7 +18,7 @@ pub fn boxes(source: &SceneSource) -> Vec<[DVec3; 2]> {
         while let Some(run) = rest.get(..FACES) {
             let solid = as_box(run).filter(|ends| !object.one_sided || faces_outwards(run, ends));
             rest = &rest[if solid.is_some() { FACES } else { 1 }..];
-            found.extend(solid);
+            found.extend(solid.map(|ends| ends.map(|end| end + source.origin)));
         }
     }
     found

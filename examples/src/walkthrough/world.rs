@@ -144,7 +144,8 @@ impl World {
     /// Returns the cells and portals of the scene, with the objects in each cell. If the scene has no cells
     /// and [`makes_cells`](Self::makes_cells) is true, the first call makes cells from its opaque triangles,
     /// and reports the result and the time on standard error. In these cells, gaps between triangles narrower
-    /// than 2^-20 of the greatest coordinate count as closed.
+    /// than the [default tolerance](visibility_portals::from_geometry::PolygonSettings::with_tolerance) count
+    /// as closed.
     ///
     /// # Errors
     ///

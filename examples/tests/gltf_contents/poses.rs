@@ -498,8 +498,9 @@ fn poses_in_single_precision_are_within_the_bounds() {
     let turn = [0.361_030_7, -0.039_097_5, 0.858_816_3, 0.361_334_9];
     let cube = [[-0.05; 3], [0.05; 3], [0.05, -0.05, 0.05]];
     let arm = Vec3::Y * 1000.0;
-    // A child at the end of an arm that a clip turns; its grandchild; a mesh with the arm in its bind matrix.
-    for case in ["child", "grandchild", "skin"] {
+    // A child at the end of an arm that a clip turns; its grandchild; a child that a clip moves to the end of
+    // an arm that is turned at rest; a mesh with the arm in its bind matrix.
+    for case in ["child", "grandchild", "turned at rest", "skin"] {
         let mut file = File::new();
         let mesh = file.mesh(&cube);
         let values = file.floats(&[turn]);
@@ -514,6 +515,12 @@ fn poses_in_single_precision_are_within_the_bounds() {
                 file.push("nodes", json!({"translation": arm.to_array(), "children": [2]}));
                 file.push("nodes", json!({"mesh": mesh}));
                 file.clip(0, "rotation", &[0.0], values, "STEP");
+            }
+            "turned at rest" => {
+                file.node(json!({"rotation": turn, "children": [1]}));
+                file.push("nodes", json!({"mesh": mesh}));
+                let values = file.floats(&[arm.to_array()]);
+                file.clip(1, "translation", &[0.0], values, "STEP");
             }
             _ => {
                 file.node(json!({"mesh": mesh, "skin": 0}));

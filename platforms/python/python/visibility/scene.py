@@ -51,13 +51,17 @@ _GLTF_STILL = (
 _GLTF_MOVING = ("KHR_interactivity", "MPEG_scene_dynamic", "VRM", "VRMC_springBone", "VRMC_vrm")
 
 
-def _is_misread(vertices):
-    """Whether positions look like those that trimesh does not read: placeholders at one point, or whole numbers up to
-    the greatest of their type that stand for 1."""
-    vertices = np.asarray(vertices, dtype=np.float64)
+def _is_misread(mesh):
+    """Whether the positions of a mesh look like those that trimesh does not read: placeholders at one point, or whole
+    numbers that stand for parts of the greatest of their type. A mesh of a glTF file, which is in metres, may have
+    a range of them that other meshes fill; of other meshes those that fill their range themselves are told."""
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
     if not len(vertices) or (vertices == vertices[0]).all():
         return True
-    return bool((vertices == np.rint(vertices)).all() and np.abs(vertices).max() in (127, 255, 32767, 65535))
+    greatest = np.abs(vertices).max()
+    is_gltf = getattr(getattr(mesh, "source", None), "file_type", None) in ("glb", "gltf")
+    is_range = greatest >= 127 if is_gltf else greatest in (127, 255, 32767, 65535)
+    return bool(is_range and (vertices == np.rint(vertices)).all())
 
 
 class Scene(_visibility.Scene):
@@ -72,10 +76,12 @@ class Scene(_visibility.Scene):
 
         Always visible, and hides nothing: a mesh that an extension of glTF may move, copy or replace, as far as
         trimesh keeps it with the nodes and meshes. Such are ``EXT_mesh_gpu_instancing``, ``MSFT_lod``, bodies of a
-        simulation that are not static, figures of VRM, and all extensions that this package does not know; and meshes whose positions trimesh reads
-        wrongly, compressed (``KHR_draco_mesh_compression`` without DracoPy) or as normalized whole numbers
-        (``KHR_mesh_quantization``). trimesh does not keep skins, clips, morph targets and ``KHR_materials_variants``: what these change is an object as it
-        is in the file, at rest. Leave such meshes out of the source, and add a box around all of their poses by
+        simulation that are not static, figures of VRM, and all extensions that this package does not know; and meshes
+        whose positions trimesh reads wrongly: compressed ones (``KHR_draco_mesh_compression`` without DracoPy), and
+        normalized whole numbers (``KHR_mesh_quantization``), as which count all whole numbers of glTF files of which
+        one is 127 or more, and of other meshes those up to 127, 255, 32767 or 65535. trimesh does not keep skins,
+        clips, morph targets, sparse accessors and ``KHR_materials_variants``: what these change is an object as
+        trimesh gives it, at rest. Leave such meshes out of the source, and add a box around all of their poses by
         ``add_boxes(..., solid=False)``.
 
         ``occluder``: a function of a mesh that tells whether the mesh hides what is behind it. ``None``: a mesh hides
@@ -99,7 +105,7 @@ class Scene(_visibility.Scene):
             if not hasattr(mesh, "faces") or not len(mesh.faces):
                 continue
             of_mesh = (getattr(mesh, "metadata", None) or {}).get("gltf_extensions") or {}
-            if may_move or any(map(_may_move, of_mesh.items())) or _is_misread(mesh.vertices):
+            if may_move or any(map(_may_move, of_mesh.items())) or _is_misread(mesh):
                 meshes.append(None)
                 occluders.append(False)
                 sides.append(None)
