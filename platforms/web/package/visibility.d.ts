@@ -527,8 +527,8 @@ export interface Pipeline extends Handle {
   /**
    * As `addPortals`, by the cells of the reflections, and finds what is seen in mirrors. The reflections are those of the
    * last frame of the pipeline, so each pipeline needs reflections of its own: throws `STATE` if another one has these.
-   * With `addContribution`, what mirrors show
-   * is culled as well, by sizes in the mirror and distances from the eye of the camera.
+   * With `addContribution`, what mirrors show is culled as well, by sizes in the mirror and distances from the eye of
+   * the camera.
    */
   addReflections(reflections: Reflections): this;
   /** Removes what a baked set excludes. Conservative if the set is. */
