@@ -336,7 +336,7 @@ fn cells_are_not_walled_by_backs() {
 
 #[test]
 fn cells_are_made_anywhere_of_few_triangles() {
-    let near = read(json!({}), false);
+    let near = read(json!({"doubleSided": true}), false);
     let by = DVec3::new(3e6, -2e6, 1e6);
     let mut far = SceneSource { origin: by, ..near.clone() };
     far.walks.iter_mut().flat_map(|walk| &mut walk.keys).for_each(|key| key.eye += by);
