@@ -349,6 +349,21 @@ fn a_sample_at_just_the_greatest_distance_is_seen() {
 }
 
 #[test]
+fn a_sample_within_the_least_distances_is_seen() {
+    // Each of the two squares of the first distance is 0.6 times the least number, and rounds up to it. Both
+    // together are 1.2 times the least number, and round down to it.
+    let raster = HeightRaster::new(&[0.0; 4], 2, 2, [1.0, 1.0]).expect("a raster");
+    for (at, distance, is_seen) in
+        [(1.72e-162, 2.44e-162, true), (1e-150, 1.5e-150, true), (1e-150, 1.4e-150, false)]
+    {
+        let mut visible = [false; 4];
+        let observer = Observer::new(at, at).with_height(1.0).with_max_distance(distance);
+        Viewshed::new().look(&raster, &observer, &mut visible).expect("over the raster");
+        assert_eq!(visible, [is_seen, false, false, false], "within {distance} of {at}, {at}");
+    }
+}
+
+#[test]
 fn curved_terrain_agrees_with_all_edges_in_exact_arithmetic() {
     for (seed, curvature) in [(6, 1), (7, -1), (8, 3)] {
         let [visible, hidden] = compare(seed, 300, 60, false, curvature);

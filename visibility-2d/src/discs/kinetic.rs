@@ -568,6 +568,21 @@ mod tests {
     use super::*;
     use visibility_testing::Random;
 
+    /// A disc whose tangents have one direction number shows there, and covers nothing of what is behind it.
+    /// A disc around the direction 0, whose first direction number exceeds its last, covers both ends.
+    #[test]
+    fn a_disc_thinner_than_rounding_covers_nothing() {
+        let mut painter = Painter::default();
+        painter.begin(0.0, 4.0);
+        let painted = [(1.0, 1.0, 7), (0.5, 1.5, 8), (3.5, 0.25, 9)]
+            .map(|(first, last, disc)| painter.paint(first, last, disc));
+        assert_eq!(painted, [true; 3], "a thin disc, one behind it, and one around the direction 0");
+        painter.finish();
+        let runs: Vec<_> = painter.runs.iter().map(|run| (run.0, run.1)).collect();
+        let expected = [(0.0, 9), (0.25, NONE), (0.5, 8), (1.0, 7), (1.0, 8), (1.5, NONE), (3.5, 9)];
+        assert_eq!(runs, expected, "first directions and discs");
+    }
+
     /// Points on the segment in any position that it rolls to are not left out, nor are those it nearly
     /// touches; points behind the eye, beyond the front and to either side are.
     #[test]
