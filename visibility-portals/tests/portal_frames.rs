@@ -11,7 +11,7 @@ use visibility_core::{
     cells::{CellGraph, CellId, PortalId},
     geometry::{ConvexPolygon, Plane},
     pvs::{Pvs, PvsTargets, Viewcell, Viewcells},
-    view::{Reach, ViewRegion, Window},
+    view::{Depth, Reach, ViewRegion, Window},
 };
 use visibility_portals::{
     BakerSettings, CellBaker, CellMatrix, NotCulled, Passage, PortalCuller, PortalEye, SceneCells,
@@ -523,6 +523,28 @@ fn what_a_mirror_shows_survives_changes_of_the_scene() {
     assert_eq!(shown(&scene), ids, "objects in the mirror, once others have come");
     scene.remove(ids[0]).unwrap();
     assert_eq!(shown(&scene), ids[1..], "objects in the mirror, once one of them has gone");
+}
+
+/// A matrix in `f32` whose far plane is more than 2^24 times as far as its near plane has no far plane left:
+/// its row of depth rounds to that of `w`, but for the offset. Doors and mirrors do without it.
+#[test]
+fn a_far_plane_that_single_precision_rounds_away_is_no_reason_to_cull_nothing() {
+    let (mut cells, scene, _) = row(4);
+    let corners = [[1.0, 0.5], [1.0, 2.0], [3.0, 2.0], [3.0, 0.5]];
+    let glass = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(8.0, y, z))).unwrap();
+    cells.add_mirror(CellId(1), &glass).unwrap();
+    let (near, far) = (0.01f32, 1e6);
+    let slope: f32 = far / (far - near);
+    assert_eq!(slope, 1.0, "depth per metre, rounded");
+    // Along x, from (0.5, 2, 1).
+    let matrix =
+        [[0.0, 0.0, slope, 1.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [2.0, -1.0, -0.5 - near, -0.5]];
+    let view = View::from_clip_from_world(matrix, Depth::ZeroToOne).unwrap();
+    let mut eye = PortalEye::new();
+    cells.set_open(PortalId(1), false).unwrap();
+    assert_eq!(seen(&mut eye, &cells, &scene, &view), [0, 1], "objects before the shut door");
+    assert_eq!(eye.stats().fallback, None, "reason to cull nothing");
+    assert_eq!(eye.reflections().len(), 1, "mirrors that are seen");
 }
 
 /// Overlapping cells, NaN viewcells, huge and tiny scales: every frame ends without a panic.

@@ -81,8 +81,9 @@ impl<'a> SceneQuery<'a> {
     }
 
     /// Replaces the content of `found` with the objects whose bounds touch `sphere`, in the order of the
-    /// hierarchy. Distances are rounded by at most 2^-19 of themselves, always towards finding an object. An
-    /// improper sphere touches every object. Returns the work counters.
+    /// hierarchy. Distances are rounded by at most 2^-19 of themselves and 2^-60 metres, always towards
+    /// finding an object; a radius above 2^63 metres may count as infinite. An improper sphere touches every
+    /// object. Returns the work counters.
     pub fn in_sphere(&self, sphere: &Sphere, found: &mut Vec<ObjectId>) -> CullStats {
         self.collect(&SphereRegion::new(sphere), found)
     }

@@ -34,8 +34,8 @@ pub(super) struct PortalView {
     /// The left, right, bottom and top planes of the frustum, in this order, anchor-relative, with normals
     /// into the view.
     pub(super) sides: [WindowPlane; 4],
-    /// The planes at which lines of sight end, anchor-relative: the far plane, if it is finite, and the clip
-    /// planes.
+    /// The planes at which lines of sight end, anchor-relative: the far plane, if it is finite and can be
+    /// computed, and the clip planes.
     pub(super) ends: SmallVec<[WindowPlane; 11]>,
     /// Rows of the clip matrix that give clip-space x, y and w of anchor-relative points.
     pub(super) rows: [ClipRow; 3],
@@ -43,18 +43,37 @@ pub(super) struct PortalView {
 
 impl PortalView {
     /// Converts `view` to anchor-relative form. `None` if the eye, the direction of parallel lines or one of
-    /// the planes cannot be computed in `f64`.
+    /// the planes but the far one cannot be computed in `f64`.
     pub(super) fn new(view: &View) -> Option<Self> {
         let projection = ViewProjection::new(view, DVec3::ZERO);
         let anchor = projection.anchor();
         let planes = view.planes(anchor);
-        let planes = planes.as_slice();
-        let far = usize::from(!view.depth().is_infinite());
-        // `planes` omits a plane that cannot be computed, without telling which.
-        if planes.len() != 5 + far + view.clip_planes().len() || !anchor.is_finite() {
+        if !anchor.is_finite() {
             return None;
         }
-        let sides = [0, 1, 2, 3].map(|i| WindowPlane::of_view(&planes[i]));
+        let (mut sides, mut near) = ([None; 4], None);
+        let mut ends = SmallVec::new();
+        let mut clips = 0;
+        for (slot, plane) in planes.by_slot() {
+            match slot {
+                0..=3 => sides[usize::from(slot)] = Some(WindowPlane::of_view(plane)),
+                4 => near = Some(plane),
+                5 => ends.push(WindowPlane::of_view(plane)),
+                _ => {
+                    clips += 1;
+                    ends.push(WindowPlane::of_view(plane));
+                }
+            }
+        }
+        // `planes` omits a plane that cannot be computed. Without the near plane or a clip plane, lines of
+        // sight would seem to begin elsewhere. Without the far plane they end nowhere, which holds more: in
+        // `f32`, rounding takes the normal of a far plane that is 2^24 times as far as the near plane.
+        near?;
+        let [left, right, bottom, top] = sides;
+        let sides = [left?, right?, bottom?, top?];
+        if clips != view.clip_planes().len() {
+            return None;
+        }
         let (lines, error) = match projection.eye() {
             Eye::Point(_) => (Lines::FromAnchor, projection.eye_error()),
             Eye::Direction(direction) => (Lines::Along(direction, projection.eye_error()), 0.0),
@@ -64,8 +83,6 @@ impl PortalView {
         if !(error.is_finite() && turn < 0.01) {
             return None;
         }
-        let clips = &planes[5 + far..];
-        let ends = planes[5..5 + far].iter().chain(clips).map(WindowPlane::of_view).collect();
         let rows = [projection.x(), projection.y(), projection.w()];
         Some(Self { anchor, lines, error, ball: 0.0, sides, ends, rows })
     }
