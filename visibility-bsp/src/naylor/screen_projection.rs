@@ -100,7 +100,7 @@ impl ScreenProjection {
             error,
         };
         // The view's first four planes are the sides of the image; wider ones replace them.
-        for plane in view.planes(origin).as_slice().iter().skip(4) {
+        for (_, plane) in view.planes(origin).by_slot().filter(|&(slot, _)| slot >= 4) {
             let side = SidePlane::new(plane.plane, magnitude);
             projection.push(SidePlane { margin: side.margin + plane.error, ..side });
         }
