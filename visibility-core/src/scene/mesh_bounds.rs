@@ -137,7 +137,7 @@ mod tests {
         let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0; 3])).unwrap();
         let still = Affine3A::IDENTITY;
         let all = Aabb::new(Vec3::NEG_INFINITY, Vec3::INFINITY);
-        assert!(is_within(&mesh, &still, &mesh.bounds()) && is_within(&mesh, &still, &all), "its own box");
+        assert!(is_within(&mesh, &still, mesh.bounds()) && is_within(&mesh, &still, &all), "its own box");
         // Inverted by less than the slack that great coordinates have.
         let far = Affine3A::from_translation(Vec3::splat(1e6));
         let thin = OccluderMesh::from_indexed(
@@ -152,7 +152,7 @@ mod tests {
         // The transformed box fits although each vertex, of the same, does not: of no vertex is more asked.
         let scaled = Affine3A::from_scale(Vec3::splat(3e38));
         let wide = OccluderMesh::cuboid(&Aabb::from_arrays([-1.0; 3], [2.0; 3])).unwrap();
-        assert!(!is_within(&wide, &scaled, &mesh.bounds()), "an image that overflows");
+        assert!(!is_within(&wide, &scaled, mesh.bounds()), "an image that overflows");
     }
 
     /// The margin of 16 u of what the vertices are computed of, and of the side itself.
@@ -217,12 +217,35 @@ mod tests {
         let unit = Aabb::from_arrays([0.0; 3], [1.0; 3]);
         let [p, far, near] = [0.5, 2.0, -1.0].map(Vec3::splat);
         let outside = |corners: [Vec3; 3], bounds: &Aabb| is_any_outside((&[corners][..]).into(), bounds);
-        assert!(!outside([p; 3], &unit) && outside([p, far, p], &unit) && outside([near, p, p], &unit));
+        assert!(
+            !outside([p; 3], &unit) && outside([p, far, p], &unit) && outside([near, p, p], &unit),
+            "corners"
+        );
         assert!(!outside([p, Vec3::NAN, p], &unit), "a corner of NaN is not outside");
         let inverted = Aabb::from_arrays([1.0; 3], [0.0; 3]);
         assert!(!outside([far; 3], &inverted), "an improper box has no outside");
         assert!(outside([Vec3::INFINITY, p, p], &unit), "an infinite corner");
         let all = Aabb::new(Vec3::NEG_INFINITY, Vec3::INFINITY);
         assert!(!outside([far; 3], &all), "a box without end");
+        // Triangles whose box is known: of its corners, neither may be outside.
+        for corner in [far, near] {
+            let shared = crate::scene::SharedTriangles::from([[p, corner, p]]);
+            assert!(is_any_outside(shared.view(), &unit), "a corner at {corner}");
+        }
+        let shared = crate::scene::SharedTriangles::from([[p; 3]]);
+        assert!(!is_any_outside(shared.view(), &unit), "triangles inside");
+    }
+
+    /// Placed triangles are moved by the rounding of their transform: 4 u of their greatest coordinate.
+    #[test]
+    fn placed_triangles_reach_out_by_the_rounding_of_their_transform() {
+        let bounds = Aabb::from_arrays([-1000.0, -1.0, -1.0], [0.0, 1.0, 1.0]);
+        for (units, is_inside) in [(0.0, true), (3.0, true), (6.0, false)] {
+            let out = 1000.0 + units * U * 1000.0;
+            let mesh = crate::scene::SharedTriangles::from([[Vec3::ZERO, Vec3::X * out, Vec3::Y * 0.5]]);
+            let placed = mesh.placed(glam::DAffine3::from_translation(DVec3::X * -1000.0));
+            assert!(placed.view().mesh().1.is_some(), "a transform");
+            assert_eq!(is_any_outside(placed.view(), &bounds), !is_inside, "{units} units out");
+        }
     }
 }

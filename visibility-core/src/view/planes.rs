@@ -297,6 +297,10 @@ mod tests {
         let many = [Plane::new(DVec3::X, 0.0); MAX_CLIP_PLANES + 1];
         assert!(view().with_clip_planes(&many[1..]).is_ok(), "as many planes as there may be");
         let count = many.len();
-        assert_eq!(view().with_clip_planes(&many).err(), Some(ViewError::TooManyClipPlanes { count }));
+        assert_eq!(
+            view().with_clip_planes(&many).err(),
+            Some(ViewError::TooManyClipPlanes { count }),
+            "one more"
+        );
     }
 }

@@ -434,8 +434,14 @@ mod tests {
         let of = |sides, near, far| view(DVec3::ZERO, STILL, sides, near, far);
         let region = ViewRegion::around(&of(SIDES, 0.1, 50.0), Reach::new(0.0, 0.0)).unwrap();
         let endless = ViewRegion::around(&of(SIDES, 0.1, FREE), Reach::new(0.0, 0.0)).unwrap();
-        assert!(region.contains(&of(SIDES, 0.1, 50.0)) && endless.contains(&of(SIDES, 0.1, FREE)));
-        assert!(!region.contains(&of(SIDES, 0.1, FREE)) && !endless.contains(&of(SIDES, 0.1, 1e9)));
+        assert!(
+            region.contains(&of(SIDES, 0.1, 50.0)) && endless.contains(&of(SIDES, 0.1, FREE)),
+            "the views themselves"
+        );
+        assert!(
+            !region.contains(&of(SIDES, 0.1, FREE)) && !endless.contains(&of(SIDES, 0.1, 1e9)),
+            "another far plane"
+        );
         assert!(!region.contains(&of(SIDES, 0.1, 50.0).with_layers(1)), "other layers");
         for (by, is_same) in [(4.9e-4, true), (5.1e-4, false), (-4.9e-4, true), (-5.1e-4, false)] {
             for side in 0..4 {
@@ -581,7 +587,10 @@ mod tests {
         let at = |sides| view(DVec3::ZERO, STILL, sides, 0.1, FREE);
         let around = |view: &View, metres, radians| ViewRegion::around(view, Reach::new(metres, radians));
         let narrow = at([-0.1, 0.1, -0.1, 0.1]);
-        assert!(around(&at(SIDES), 0.1, 0.1).is_some() && around(&narrow, 0.1, 0.9).is_some());
+        assert!(
+            around(&at(SIDES), 0.1, 0.1).is_some() && around(&narrow, 0.1, 0.9).is_some(),
+            "views with regions"
+        );
         for radians in [1.0, 3.0, 3.3, 6.5, FREE] {
             assert!(around(&narrow, 0.1, radians).is_none(), "a turn of {radians}");
         }

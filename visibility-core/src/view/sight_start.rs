@@ -463,7 +463,8 @@ mod tests {
         let clips = [Plane::new(DVec3::Z, -2.0), Plane::new(-DVec3::Z, 4.0)];
         let view = view.with_clip_planes(&clips).unwrap();
         let planes = SightPlanes::new(&view, DVec3::ZERO).unwrap();
-        assert_eq!([0, 1, 2].map(|index| planes.is_entered(index)), [Some(true), Some(true), Some(false)]);
+        let entered = [0, 1, 2].map(|index| planes.is_entered(index));
+        assert_eq!(entered, [Some(true), Some(true), Some(false)], "near plane and clip planes");
         assert!(view.clip_from(DVec3::ZERO).row(3) == DVec4::W, "the view is parallel");
     }
 }

@@ -58,7 +58,10 @@ mod tests {
         // Sums that are rounded inwards to the nearest number.
         let reach = Reach { margin: 0.1, ..Reach::new(DVec3::splat(0.3), DVec3::splat(0.6)) };
         let [low, high] = reach.bounds();
-        assert!(low.cmplt(DVec3::splat(0.3 - 0.1)).all() && high.cmpgt(DVec3::splat(0.6 + 0.1)).all());
+        assert!(
+            low.cmplt(DVec3::splat(0.3 - 0.1)).all() && high.cmpgt(DVec3::splat(0.6 + 0.1)).all(),
+            "{low} to {high}"
+        );
         let still = Reach::new(DVec3::ZERO, DVec3::ONE).bounds();
         assert!(still[0].x < 0.0 && still[1].x > 1.0 && still[1].x < 1.0 + 1e-15, "{still:?}");
         let at = Reach::new(DVec3::ZERO, DVec3::ONE);
