@@ -355,3 +355,24 @@ fn bodies_decide_up_to_what_they_may_be_off() {
         "a flat body"
     );
 }
+
+/// The plane of a portal no wider than the tolerance is hardly known, so that both windings fit: the body
+/// that reaches least far across decides, not the one beside it that reaches across both ways.
+#[test]
+fn the_better_winding_of_a_sliver_is_taken() {
+    let corners = [[0.0, 0.0], [0.01, 0.0], [0.01, 0.01], [0.0, 0.01]];
+    let sliver = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(0.0, y, z))).unwrap();
+    let body = |min: f64, max: f64| {
+        crate::pvs::Viewcell::from_box(DVec3::new(min, -0.1, -0.1), DVec3::new(max, 0.1, 0.1))
+    };
+    for (first, second, is_turned) in [
+        (body(0.0, 4.0), body(-1.0, 2.0), true),
+        (body(-4.0, 0.0), body(-2.0, 1.0), false),
+        (body(-1.0, 2.0), body(-4.0, 0.0), true),
+        (body(-2.0, 1.0), body(0.0, 4.0), false),
+    ] {
+        let mut graph = CellGraph::new(2, [(sliver.clone(), [CellId(0), CellId(1)])]).unwrap();
+        let turned = graph.turn_portals(&[first.clone(), second.clone()], 0.01).unwrap();
+        assert_eq!(!turned.is_empty(), is_turned, "{first:?}, {second:?}");
+    }
+}

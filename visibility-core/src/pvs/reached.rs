@@ -124,8 +124,8 @@ impl Viewcells {
                             polygon = clip_outward(&polygon, &Plane::new(normal, radius), margin);
                         }
                     }
-                    // Moved out of the viewcell by twice the margin, so that another must be within a margin of
-                    // there: the viewcell itself counts up to a margin beyond its face.
+                    // Moved out of the viewcell by twice the margin, so that another must be within a margin
+                    // of there: the viewcell itself counts up to a margin beyond its face.
                     polygon.iter_mut().for_each(|corner| *corner -= face.normal * (2.0 * margin));
                     polygon.is_empty() || self.reached(&polygon, anchor, error, scratch)
                 })
