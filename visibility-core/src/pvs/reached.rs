@@ -79,7 +79,7 @@ impl Viewcells {
 
     /// Replaces the content of `reached` by the viewcells that the ball of the given radius, in metres,
     /// around `anchor` may reach into. Returns true if these viewcells cover the ball, except for gaps of
-    /// up to about three times the margin of [`reached`](Self::reached), for the same `error` in metres.
+    /// up to about five times the margin of [`reached`](Self::reached), for the same `error` in metres.
     /// `scratch` is memory for the test.
     ///
     /// The ball is covered if its middle is, and if beyond each face that crosses it there is a viewcell. The
@@ -124,9 +124,8 @@ impl Viewcells {
                             polygon = clip_outward(&polygon, &Plane::new(normal, radius), margin);
                         }
                     }
-                    // Moved out of the viewcell by twice the margin, so that another must be within a margin
-                    // of there: the viewcell itself counts up to a margin beyond its face.
-                    polygon.iter_mut().for_each(|corner| *corner -= face.normal * (2.0 * margin));
+                    // Moved out of the viewcell by more than its own margin, so that another must be there.
+                    polygon.iter_mut().for_each(|corner| *corner -= face.normal * (4.0 * margin));
                     polygon.is_empty() || self.reached(&polygon, anchor, error, scratch)
                 })
         })
@@ -252,7 +251,7 @@ mod tests {
         assert_eq!(ball(room(), beyond(1.08, 5.0)).1, [0, 1], "a room that the ball may reach");
         let before = cell([-5.0; 3], [-0.08, 5.0, 5.0]);
         assert!(ball(before.clone(), beyond(0.08, 5.0)).0, "a middle in a gap of less than two errors");
-        assert!(!ball(before, beyond(0.25, 5.0)).0, "a middle in a gap of more than three errors");
+        assert!(!ball(before, beyond(0.5, 5.0)).0, "a middle in a gap of more than five errors");
         // Walls that the ball may reach, since it may be off.
         assert!(!ball(cell([-5.0; 3], [1.08, 5.0, 5.0]), None).0, "a wall 8 cm beyond the ball");
         assert!(ball(cell([-5.0; 3], [1.12, 5.0, 5.0]), None).0, "a wall 12 cm beyond the ball");
