@@ -304,6 +304,7 @@ mod tests {
         assert_eq!(cells([3.0, 3.9, 1.5], [3.2, 3.95, 2.0], 0.25).1, [0], "0.65 m above a door");
         assert_eq!(cells([3.0, 0.1, 1.5], [3.2, 0.15, 2.0], 0.2).1, [0], "0.65 m below a door");
         assert_eq!(cells([5.0, 1.5, 1.5], [6.0, 2.0, 2.0], 6.0).1, [0, 1, 2], "through two doors");
+        assert_eq!(cells([6.0, 1.5, 1.5], [7.0, 2.0, 2.0], 0.2).1, [1], "between two doors");
         assert_eq!(cells([9.0; 3], [9.5; 3], 0.0), (false, [].to_vec()), "in no room");
     }
 
