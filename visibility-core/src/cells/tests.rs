@@ -288,3 +288,91 @@ fn planes_of_bodies_decide_where_their_boxes_do_not() {
         "a wedge that touches the plane with its corner lies on one side"
     );
 }
+
+/// Vertices may be beyond another portal's plane by up to the tolerance, and so may portals be off a face.
+#[test]
+fn portals_are_valid_up_to_the_tolerance() {
+    let ends = [[CellId(0), CellId(1)], [CellId(1), CellId(2)]];
+    let lean = |by: f64| {
+        let corners = [[-by, -1.0, -1.0], [0.0, 1.0, -1.0], [0.0, 1.0, 1.0], [-by, -1.0, 1.0]];
+        ConvexPolygon::new(corners.map(DVec3::from_array)).unwrap()
+    };
+    // The second portal leans out of the plane of the first by a quarter of a metre.
+    let graph = CellGraph::new(3, [(door(0.0), ends[0]), (lean(0.25), ends[1])]).unwrap();
+    for (tolerance, is_valid) in [(0.3, true), (0.2, false), (0.0, false)] {
+        assert_eq!(graph.validate(tolerance).is_ok(), is_valid, "a tolerance of {tolerance}");
+    }
+    let body =
+        |x: f64| crate::pvs::Viewcell::from_box(DVec3::new(x, -2.0, -2.0), DVec3::new(x + 4.0, 2.0, 2.0));
+    let graph = CellGraph::new(2, [(door(0.25), ends[0])]).unwrap();
+    for (tolerance, is_valid) in [(0.3, true), (0.2, false)] {
+        let found = graph.validate_bodies(&[body(-4.0), body(0.0)], tolerance);
+        assert_eq!(found.is_ok(), is_valid, "a tolerance of {tolerance}");
+    }
+}
+
+/// A body that reaches across the plane of a portal by what portal and body may be off does not decide
+/// otherwise: twice the tolerance, what the plane tilts by, and rounding.
+#[test]
+fn bodies_decide_up_to_what_they_may_be_off() {
+    let polygon = |half: f64, bend: f64| {
+        let corners = [[bend, -half, -half], [-bend, half, -half], [bend, half, half], [-bend, -half, half]];
+        ConvexPolygon::new(corners.map(DVec3::from_array)).unwrap()
+    };
+    let body = |min: [f64; 3], max: [f64; 3]| crate::pvs::Viewcell::from_box(min.into(), max.into());
+    let court = body([-300.0; 3], [300.0; 3]);
+    let decides = |polygon: &ConvexPolygon, body: &crate::pvs::Viewcell, tolerance: f64| {
+        let mut graph = CellGraph::new(2, [(polygon.clone(), [CellId(0), CellId(1)])]).unwrap();
+        graph.turn_portals(&[body.clone(), court.clone()], tolerance)
+    };
+    // A portal of 200 m: at its first vertex, it does not tilt by its error of a tenth of a metre.
+    let near = |across: f64| body([-0.5, -100.0, -100.0], [across, -99.9, -99.9]);
+    let wide = polygon(100.0, 0.0);
+    assert_eq!(decides(&wide, &near(0.19), 0.1), Ok(Vec::new()), "twice the tolerance");
+    assert!(decides(&wide, &near(0.25), 0.1).is_err(), "more than twice the tolerance");
+    // Vertices that are off their plane by nearly as much as those of a polygon may be.
+    let bend = 90.0 * ConvexPolygon::TOLERANCE;
+    let found = decides(&polygon(100.0, bend), &near(3.0 * bend), 0.0);
+    assert_eq!(found, Ok(Vec::new()), "a body as far across as the vertices");
+    // A portal of 2 m tilts by its error over its size.
+    let small = polygon(1.0, 0.0);
+    let around = |across: f64| body([-4.0, -0.1, -0.1], [across, 0.1, 0.1]);
+    assert_eq!(decides(&small, &around(1.8), 0.1), Ok(Vec::new()), "a tilt");
+    assert!(decides(&small, &around(4.0), 0.1).is_err(), "more than a tilt");
+    // Bodies that are not finite, or inverted, decide nothing.
+    let end = f64::INFINITY;
+    for body in [
+        body([-end, -0.1, -0.1], [-1.0, 0.1, 0.1]),
+        body([-4.0, -0.1, -0.1], [-1.0, end, 0.1]),
+        body([-1.0, -0.1, -0.1], [-4.0, 0.1, 0.1]),
+    ] {
+        assert!(decides(&small, &body, 0.1).is_err(), "{body:?}");
+    }
+    // A flat body on its side of the plane.
+    assert_eq!(
+        decides(&small, &body([-1.0, -0.1, -0.1], [-1.0, 0.1, 0.1]), 0.1),
+        Ok(Vec::new()),
+        "a flat body"
+    );
+}
+
+/// The plane of a portal no wider than the tolerance is hardly known, so that both windings fit: the body
+/// that reaches least far across decides, not the one beside it that reaches across both ways.
+#[test]
+fn the_better_winding_of_a_sliver_is_taken() {
+    let corners = [[0.0, 0.0], [0.01, 0.0], [0.01, 0.01], [0.0, 0.01]];
+    let sliver = ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(0.0, y, z))).unwrap();
+    let body = |min: f64, max: f64| {
+        crate::pvs::Viewcell::from_box(DVec3::new(min, -0.1, -0.1), DVec3::new(max, 0.1, 0.1))
+    };
+    for (first, second, is_turned) in [
+        (body(0.0, 4.0), body(-1.0, 2.0), true),
+        (body(-4.0, 0.0), body(-2.0, 1.0), false),
+        (body(-1.0, 2.0), body(-4.0, 0.0), true),
+        (body(-2.0, 1.0), body(0.0, 4.0), false),
+    ] {
+        let mut graph = CellGraph::new(2, [(sliver.clone(), [CellId(0), CellId(1)])]).unwrap();
+        let turned = graph.turn_portals(&[first.clone(), second.clone()], 0.01).unwrap();
+        assert_eq!(!turned.is_empty(), is_turned, "{first:?}, {second:?}");
+    }
+}

@@ -212,3 +212,141 @@ impl Aabb {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DMat3, Mat3A};
+    use visibility_testing::Random;
+
+    #[test]
+    fn boxes_around_points_are_the_smallest_that_hold_them() {
+        let mut random = Random(91);
+        for round in 0..1000 {
+            let points = [(); 4].map(|()| random.fine_vector(1e3));
+            let around = Aabb::around(points);
+            let (min, max) = points.iter().fold((points[0], points[0]), |(a, b), p| (a.min(*p), b.max(*p)));
+            for axis in 0..3 {
+                let [low, high] = [around.min[axis], around.max[axis]].map(f64::from);
+                assert!(low <= min[axis] && max[axis] <= high, "{round}: {points:?} in {around:?}");
+                let next = [around.min[axis].next_up(), around.max[axis].next_down()].map(f64::from);
+                assert!(next[0] > min[axis] && next[1] < max[axis], "{round}: {around:?} is too large");
+            }
+        }
+        let whole = [DVec3::new(1.0, -2.0, 3.0), DVec3::new(4.0, 5.0, -6.0)];
+        let expected = Aabb::from_arrays([1.0, -2.0, -6.0], [4.0, 5.0, 3.0]);
+        assert_eq!(Aabb::around(whole), expected, "numbers that `f32` has");
+        assert_eq!(Aabb::around([]), Aabb::EMPTY, "no points");
+        assert!(!Aabb::around([DVec3::NAN, DVec3::ONE]).is_proper(), "a point of NaN");
+    }
+
+    #[test]
+    fn boxes_of_the_world_hold_theirs() {
+        let mut random = Random(92);
+        for round in 0..1000 {
+            let (origin, min) = (random.fine_vector(1e6), random.fine_vector(1e6));
+            let max = min + random.fine_vector(5.0).abs();
+            let bounds = Aabb::from_world(min, max, origin);
+            let [low, high] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3());
+            assert!(low.cmplt(min - origin).all() && high.cmpgt(max - origin).all(), "{round}: {bounds:?}");
+        }
+    }
+
+    #[test]
+    fn boxes_are_finite_with_both_corners() {
+        let end = f32::INFINITY;
+        for (bounds, is_finite) in [
+            (Aabb::from_arrays([0.0; 3], [1.0; 3]), true),
+            (Aabb::from_arrays([0.0, -end, 0.0], [1.0; 3]), false),
+            (Aabb::from_arrays([0.0; 3], [1.0, 1.0, end]), false),
+            (Aabb::from_arrays([2.0, 0.0, 0.0], [1.0; 3]), false),
+        ] {
+            assert_eq!(bounds.is_finite(), is_finite, "{bounds:?}");
+        }
+    }
+
+    /// Images of corners, in double precision: of random affine maps, and of maps whose terms cancel.
+    #[test]
+    fn transformed_boxes_hold_the_images_of_their_corners() {
+        let mut random = Random(93);
+        let mut nearly_off = 0;
+        for round in 0..20_000 {
+            let a = random.vec3(-9.0, 9.0);
+            let bounds = Aabb::new(a, a + random.vec3(0.0, if round % 3 == 0 { 1e-6 } else { 2.0 }));
+            let columns = [(); 3].map(|()| random.vec3(-1.0, 1.0));
+            let mut transform = Affine3A::from_mat3_translation(
+                glam::Mat3::from_cols(columns[0], columns[1], columns[2]),
+                random.vec3(-9.0, 9.0),
+            );
+            if round % 2 == 0 {
+                // The middle of the box is taken nearly to the origin.
+                transform.translation = -(transform.matrix3 * Vec3A::from(bounds.center()));
+            }
+            let image = bounds.transformed(&transform);
+            let Mat3A { x_axis, y_axis, z_axis } = transform.matrix3;
+            let matrix = DMat3::from_cols(x_axis.as_dvec3(), y_axis.as_dvec3(), z_axis.as_dvec3());
+            for corner in bounds.corners() {
+                let at = matrix * corner.as_dvec3() + transform.translation.as_dvec3();
+                let (low, high) = (image.min.as_dvec3(), image.max.as_dvec3());
+                assert!(low.cmple(at).all() && at.cmple(high).all(), "{round}: {at} is outside of {image:?}");
+                // Without a margin some corners are outside.
+                let size = x_axis.abs() * corner.x.abs() + y_axis.abs() * corner.y.abs();
+                let size = size + z_axis.abs() * corner.z.abs() + transform.translation.abs();
+                let margin = size.as_dvec3() * (6.0 * f64::from(f32::EPSILON));
+                nearly_off += usize::from((low + margin).cmpgt(at).any() || (high - margin).cmplt(at).any());
+            }
+        }
+        assert!(nearly_off > 100, "{nearly_off} corners need a margin");
+        // Products that underflow, also where they are flushed to zero.
+        let tiny = Affine3A::from_scale(glam::Vec3::splat(1e-30));
+        let image = Aabb::from_arrays([-1e-9; 3], [1e-9; 3]).transformed(&tiny);
+        assert!(image.min.x < -f32::MIN_POSITIVE && image.max.x > f32::MIN_POSITIVE, "{image:?}");
+        let bounds = Aabb::from_arrays([0.1; 3], [0.7; 3]);
+        assert_eq!(bounds.transformed(&Affine3A::IDENTITY), bounds, "the identity");
+        let inverted = Aabb::from_arrays([1.0; 3], [0.0; 3]);
+        let moved = Affine3A::from_translation(Vec3::X);
+        assert_eq!(inverted.transformed(&moved), inverted, "an improper box");
+    }
+
+    #[test]
+    fn boxes_are_closed() {
+        let unit = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+        for axis in 0..3 {
+            let at = |x: f32| Vec3::splat(0.5).with_axis(axis, x);
+            let inside = [0.0, 1.0].map(|x| unit.contains_point(at(x)));
+            assert_eq!(inside, [true; 2], "axis {axis}: points of sides");
+            let outside = [-0.1, 1.1].map(|x| unit.contains_point(at(x)));
+            assert_eq!(outside, [false; 2], "axis {axis}: points beyond sides");
+            let spanning = |from: f32, to: f32| {
+                let [min, max] =
+                    [Vec3::splat(0.25).with_axis(axis, from), Vec3::splat(0.75).with_axis(axis, to)];
+                unit.classify_aabb(&Aabb::new(min, max))
+            };
+            for (from, to, expected) in [
+                (0.0, 1.0, Containment::Inside),
+                (-0.5, 1.0, Containment::Crossing),
+                (0.0, 1.5, Containment::Crossing),
+                (-1.0, 0.0, Containment::Crossing),
+                (1.0, 2.0, Containment::Crossing),
+                (-1.0, -0.1, Containment::Outside),
+                (1.1, 2.0, Containment::Outside),
+            ] {
+                assert_eq!(spanning(from, to), expected, "axis {axis}: from {from} to {to}");
+            }
+        }
+        let inverted = Aabb::from_arrays([9.0; 3], [8.0; 3]);
+        assert_eq!(unit.classify_aabb(&inverted), Containment::Crossing, "an improper box");
+        assert_eq!(inverted.classify_aabb(&unit), Containment::Crossing, "against an improper box");
+    }
+
+    trait WithAxis {
+        fn with_axis(self, axis: usize, x: f32) -> Self;
+    }
+
+    impl WithAxis for Vec3 {
+        fn with_axis(mut self, axis: usize, x: f32) -> Self {
+            self[axis] = x;
+            self
+        }
+    }
+}

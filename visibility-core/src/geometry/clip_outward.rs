@@ -30,3 +30,31 @@ pub(crate) fn clip_outward(corners: &[DVec3], plane: &Plane, margin: f64) -> Cor
     }
     kept
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Corners on the boundary are kept, also where both of their neighbours are inside, and once at least.
+    #[test]
+    fn corners_on_the_boundary_are_kept() {
+        let plane = Plane::new(DVec3::Z, -1.0);
+        let at = |heights: &[f64]| -> Corners {
+            let around = heights.iter().zip(0..).map(|(&z, i)| DVec3::new(f64::from(i * i), f64::from(i), z));
+            around.collect()
+        };
+        for (heights, margin, expected) in [
+            (&[2.0, 2.0, 1.0][..], 0.0, &[2.0, 2.0, 1.0][..]),
+            (&[1.0, 1.0, 1.0], 0.0, &[1.0, 1.0, 1.0]),
+            (&[2.0, 2.0, 0.5], 0.5, &[2.0, 2.0, 0.5]),
+            (&[1.0], 0.0, &[1.0]),
+            (&[0.9], 0.0, &[]),
+            (&[0.0, 2.0], 0.0, &[1.0, 2.0, 1.0]),
+            (&[0.0, 3.0], -1.0, &[2.0, 3.0, 2.0]),
+        ] {
+            let kept = clip_outward(&at(heights), &plane, margin);
+            let kept: alloc::vec::Vec<f64> = kept.iter().map(|corner| corner.z).collect();
+            assert_eq!(kept, expected, "{heights:?}, {margin}");
+        }
+    }
+}

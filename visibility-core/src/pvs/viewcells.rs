@@ -439,4 +439,116 @@ mod tests {
         let nan = Viewcells::of_divided_box([], DVec3::ZERO, DVec3::ONE, f64::NAN);
         assert_eq!(nan.misplacement(), 0.0, "a misplacement of NaN");
     }
+
+    #[test]
+    fn points_are_located_in_the_first_viewcell_that_holds_them() {
+        let cell = |min: [f64; 3], max: [f64; 3]| Viewcell::from_box(min.into(), max.into());
+        let mut cut = cell([0.0; 3], [4.0; 3]);
+        cut.planes.push(Plane::new(DVec3::new(-1.0, -1.0, 0.0), 4.0));
+        for (p, is_inside) in [
+            ([1.0, 1.0, 1.0], true),
+            ([0.0, 4.0, 4.0], true),
+            ([4.0, 0.0, 0.0], true),
+            ([3.0, 3.0, 1.0], false),
+            ([-0.1, 1.0, 1.0], false),
+            ([1.0, 1.0, 4.1], false),
+        ] {
+            assert_eq!(cut.contains(p.into()), is_inside, "{p:?}");
+        }
+        // Thirty rooms in a row, and from both ends rooms that overlap them all.
+        let rooms = (0..30).map(f64::from).map(|x| cell([x, 0.0, 0.0], [x + 1.0, 1.0, 1.0]));
+        let first = cell([10.0, 0.0, 0.0], [12.0, 0.5, 1.0]);
+        let last = cell([0.0, 0.0, 0.0], [31.0, 1.0, 1.0]);
+        let flat = cell([50.0, 0.0, 0.0], [50.0, 1.0, 1.0]);
+        let cells = Viewcells::new([first].into_iter().chain(rooms).chain([last, flat]));
+        for (p, expected) in [
+            ([0.0, 0.0, 0.0], Some(1)),
+            ([5.5, 0.5, 0.5], Some(6)),
+            ([10.5, 0.5, 0.5], Some(0)),
+            ([10.5, 0.6, 0.5], Some(11)),
+            ([12.0, 0.5, 1.0], Some(0)),
+            ([30.0, 1.0, 1.0], Some(30)),
+            ([30.5, 1.0, 1.0], Some(31)),
+            ([50.0, 1.0, 1.0], Some(32)),
+            ([50.1, 1.0, 1.0], None),
+        ] {
+            assert_eq!(cells.locate(p.into()), expected.map(ViewcellId), "{p:?}");
+        }
+    }
+
+    #[test]
+    fn flat_boxes_are_covered_by_viewcells_that_touch_them() {
+        let cells = Viewcells::new([Viewcell::from_box(DVec3::ZERO, DVec3::ONE)]);
+        let cover = |cells: &Viewcells, min: [f64; 3], max: [f64; 3]| {
+            cells.cover(min.into(), max.into(), &mut Vec::new())
+        };
+        assert!(cover(&cells, [0.0, 0.2, 0.2], [0.0, 0.8, 0.8]), "at the side of lesser coordinates");
+        assert!(cover(&cells, [1.0, 0.2, 0.2], [1.0, 0.8, 0.8]), "at the side of greater coordinates");
+        assert!(!cover(&cells, [1.1, 0.2, 0.2], [1.1, 0.8, 0.8]), "beside the viewcell");
+        assert!(!cover(&cells, [0.5, 0.2, 0.2], [1.1, 0.8, 0.8]), "a part beside the viewcell");
+        let mut cut = cells.cells()[0].clone();
+        cut.planes.push(Plane::new(DVec3::X, -0.5));
+        let cut = Viewcells::new([cut]);
+        assert!(!cover(&cut, [0.4, 0.2, 0.2], [0.8, 0.8, 0.8]), "a viewcell that a plane cuts");
+    }
+
+    /// A box of a point that is on a plane of whole numbers, but for rounding.
+    #[test]
+    fn boxes_touch_planes_within_rounding() {
+        let mut random = visibility_testing::Random(41);
+        let mut beyond = 0;
+        for round in 0..2000 {
+            let [a, b] = [(); 2].map(|()| f64::from(random.between(1, 1 << 20)));
+            let times = f64::from(random.between(1, 1 << 20)) / 3.0;
+            let (x, y) = (b * times, -a * times);
+            // The exact value of the plane at the point, by products without rounding.
+            use crate::geometry::DoubleDouble;
+            let normal = DVec3::new(a / 7.0, b / 7.0, 0.0);
+            let exact = DoubleDouble::product(normal.x, x).plus(DoubleDouble::product(normal.y, y));
+            let plane = Plane::new(normal, -exact.hi);
+            let value = exact.plus((-exact.hi).into());
+            if value.hi < 0.0 {
+                continue;
+            }
+            let p = DVec3::new(x, y, 0.0);
+            beyond += usize::from(plane.signed_distance(p) < 0.0);
+            let cell = Viewcell { planes: alloc::vec![plane], ..Viewcell::from_box(p - 1.0, p + 1.0) };
+            // The farthest corner of the box is the point, and another corner is nearer to the origin.
+            for size in [0.0, 0.5, x] {
+                let (min, max) = (p - DVec3::new(size, size, 0.0), p);
+                let mut count = 0;
+                Viewcells::new([cell.clone()]).for_each_touching(min, max, |_| count += 1);
+                assert_eq!(count, 1, "{round}: the point {p} is inside {plane:?} by {}", value.hi);
+            }
+        }
+        assert!(beyond > 100, "{beyond} points are rounded outwards");
+        // All four roundings of a distance go one way: see the tests of `Plane`.
+        let (small, u) = (2.0f64.powi(-27), f64::EPSILON / 2.0);
+        let (a, lost) = (1.0 + small, u * (1.0 - small));
+        let p = DVec3::new(a, lost, lost);
+        let plane = Plane::new(DVec3::new(a, 1.0, 1.0), -(1.0 + 2.0 * small) - 3.0 * u);
+        let cell = Viewcell { planes: alloc::vec![plane], ..Viewcell::from_box(p - 1.0, p + 1.0) };
+        let mut count = 0;
+        Viewcells::new([cell]).for_each_touching(p, p, |_| count += 1);
+        assert_eq!(count, 1, "a point {} outside as computed", plane.signed_distance(p));
+    }
+
+    #[test]
+    fn the_sides_of_a_divided_box_are_as_wide_as_its_misplacement() {
+        let cell = |min: [f64; 3], max: [f64; 3]| Viewcell::from_box(min.into(), max.into());
+        // The first viewcell is just as near to the side at 0 as the box may be misplaced, the second at 4.
+        let cells = [cell([0.25, 1.0, 1.0], [1.0, 2.0, 2.0]), cell([2.0, 1.0, 1.0], [3.75, 2.0, 2.0])];
+        let cells = Viewcells::of_divided_box(cells, DVec3::ZERO, DVec3::splat(4.0), 0.25);
+        let touching = |min: [f64; 3], max: [f64; 3]| {
+            let mut found = Vec::new();
+            cells.for_each_touching(min.into(), max.into(), |cell| found.push(cell.0));
+            found
+        };
+        assert_eq!(touching([-0.25, 3.0, 3.0], [0.1, 3.1, 3.1]), [], "up to the side");
+        assert_eq!(touching([-0.26, 3.0, 3.0], [0.1, 3.1, 3.1]), [0], "beyond the side");
+        assert_eq!(touching([3.0, 3.0, 3.0], [4.25, 3.1, 3.1]), [], "up to the other side");
+        assert_eq!(touching([3.0, 3.0, 3.0], [4.26, 3.1, 3.1]), [1], "beyond the other side");
+        assert_eq!(touching([1.25, 1.0, 1.0], [1.5, 2.0, 2.0]), [0], "just as near as the misplacement");
+        assert_eq!(touching([1.5, 1.0, 1.0], [1.75, 2.0, 2.0]), [1], "just as near from the other side");
+    }
 }

@@ -151,3 +151,120 @@ impl SkinnedBounds {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{Affine3A, DVec3};
+    use visibility_testing::Random;
+
+    fn holds(bounds: &Aabb, p: DVec3) -> bool {
+        p.cmpge(bounds.min.as_dvec3()).all() && p.cmple(bounds.max.as_dvec3()).all()
+    }
+
+    /// Vertices of two bones, in double precision and as `f32` computes them, with weights of other sums
+    /// than 1, in poses in which terms cancel.
+    #[test]
+    fn vertices_in_poses_are_within_the_bounds() {
+        let mut random = Random(31);
+        for round in 0..3000 {
+            let sums = [random.pick(&[0.5, 1.0]), random.pick(&[1.0, 2.0])];
+            let positions = [(); 2].map(|()| random.vec3(-2.0, 2.0));
+            let shares = [(); 2].map(|()| random.pick(&[0.0, 0.3, 1.0]) as f32);
+            let weights = [0, 1].map(|i| [shares[i] * sums[i], (1.0 - shares[i]) * sums[i]]);
+            let skin =
+                SkinnedBounds::new(&positions.map(|p| p.to_array()), &[[0u16, 1]; 2], &weights).unwrap();
+            let pose = [(); 2].map(|()| {
+                let turn =
+                    glam::Quat::from_axis_angle(random.direction().as_vec3(), random.unit() as f32 * 3.0);
+                Affine3A::from_rotation_translation(turn, random.vec3(-3.0, 3.0))
+            });
+            let bounds = skin.bounds(&pose);
+            for (position, weights) in positions.iter().zip(&weights) {
+                let (mut exact, mut rounded) = (DVec3::ZERO, Vec3::ZERO);
+                for (matrix, &weight) in pose.iter().zip(weights) {
+                    let [x, y, z] = [matrix.matrix3.x_axis, matrix.matrix3.y_axis, matrix.matrix3.z_axis];
+                    let p = position.as_dvec3();
+                    let at = x.as_dvec3() * p.x + y.as_dvec3() * p.y + z.as_dvec3() * p.z;
+                    exact += (at + matrix.translation.as_dvec3()) * f64::from(weight);
+                    rounded += matrix.transform_point3(*position) * weight;
+                }
+                assert!(holds(&bounds, exact), "{round}: {exact} is outside of {bounds:?}");
+                assert!(holds(&bounds, rounded.as_dvec3()), "{round}: {rounded} is outside of {bounds:?}");
+            }
+        }
+    }
+
+    /// Sums of many equal terms are all rounded one way; the exact sum is farther from the origin.
+    #[test]
+    fn sums_of_many_bones_are_within_the_bounds() {
+        let mut random = Random(32);
+        let mut off = 0;
+        for round in 0..300 {
+            let weight = random.range(0.8, 1.6) as f32 / 64.0;
+            let skin = SkinnedBounds::new(&[[0.0; 3]], &[[0u16; 64]], &[[weight; 64]]).unwrap();
+            let pose = [Affine3A::from_translation(random.vec3(1.0, 2.0))];
+            let bounds = skin.bounds(&pose);
+            let term = pose[0].translation * weight;
+            let sum = (0..64).fold(glam::Vec3A::ZERO, |sum, _| sum + term);
+            let exact = pose[0].translation.as_dvec3() * (64.0 * f64::from(weight));
+            for p in [sum.as_dvec3(), exact] {
+                assert!(holds(&bounds, p), "{round}: {p} is outside of {bounds:?}");
+            }
+            let rounding = f64::from(f32::EPSILON) * 0.5 * exact.x.abs();
+            off += usize::from((sum.as_dvec3().x - exact.x).abs() > 8.0 * rounding);
+        }
+        assert!(off > 10, "{off} sums are off by many roundings");
+    }
+
+    #[test]
+    fn boxes_and_sums_are_those_of_the_vertices() {
+        let positions = [[1.0, 2.0, 3.0], [-4.0, 5.0, 6.0], [9.0, 9.0, 9.0]];
+        // The last vertex has no weight for the bone 2, and bone 1 has no vertex.
+        let joints = [[0u16, 2], [0, 2], [0, 2]];
+        let weights = [[0.25, 0.25], [1.0, 0.5], [1.0, 0.0]];
+        let skin = SkinnedBounds::new(&positions, &joints, &weights).unwrap();
+        assert_eq!(skin.bones.len(), 3, "bones up to the greatest number");
+        assert_eq!(skin.bones[0], Aabb::from_arrays([-4.0, 2.0, 3.0], [9.0; 3]), "all vertices");
+        assert_eq!(skin.bones[1], Aabb::EMPTY, "a bone without a vertex");
+        assert_eq!(skin.bones[2], Aabb::from_arrays([-4.0, 2.0, 3.0], [1.0, 5.0, 6.0]), "two vertices");
+        assert!(skin.sums[0] < 0.5 && skin.sums[0] > 0.4999, "the least sum: {}", skin.sums[0]);
+        assert!(skin.sums[1] > 1.5 && skin.sums[1] < 1.5001, "the greatest sum: {}", skin.sums[1]);
+        let lengths = |joints: &[[u16; 1]], weights: &[[f32; 1]]| {
+            SkinnedBounds::new(&[[0.0; 3]], joints, weights).map(|_| ()).err()
+        };
+        assert_eq!(lengths(&[[0]; 2], &[[1.0]]), Some(SkinError::Lengths), "two lists of joints");
+        assert_eq!(lengths(&[[0]], &[[1.0]; 2]), Some(SkinError::Lengths), "two lists of weights");
+        // Vertices of which all weights are 0 are at the origin, whatever the pose; no vertices are nowhere.
+        let still = SkinnedBounds::new(&[[7.0; 3]], &[[0u16]], &[[0.0]]).unwrap();
+        let bounds = still.bounds(&[Affine3A::from_translation(Vec3::splat(99.0))]);
+        assert!(bounds.contains_point(Vec3::ZERO) && bounds.is_finite(), "no weights: {bounds:?}");
+        assert_eq!(still.sums[0], 0.0, "a sum of weights is not negative");
+        let none = SkinnedBounds::new::<1>(&[], &[], &[]).unwrap();
+        assert!(!none.bounds::<Affine3A>(&[]).is_proper(), "no vertices");
+    }
+
+    /// Underflows are multiplied by coordinates and weights, and each axis has the rounding of its own terms.
+    #[test]
+    fn margins_grow_with_coordinates_and_weights() {
+        let bounds = |x: f32, weight: f32, scale: f32| {
+            let skin = SkinnedBounds::new(&[[x, 0.0, 0.0]], &[[0u16, 0]], &[[weight * 0.5; 2]]).unwrap();
+            skin.bounds(&[Affine3A::from_scale(Vec3::splat(scale))])
+        };
+        for (x, weight) in [(1e30, 1.0), (-1e30, 1.0), (1.0, 1e6), (1e20, 1e6)] {
+            let lost = 2.0 * f32::MIN_POSITIVE * weight * f32::max(f32::abs(x), 1.0);
+            let own = bounds(x, weight, 0.0);
+            assert!(own.min.x <= -lost && own.max.x >= lost, "{x}, {weight}: {own:?} holds {lost}");
+        }
+        // Two bones: one far away along x, one along y.
+        let positions = [[1000.0, 0.0, 0.0], [0.0, 1000.0, 0.0], [0.0; 3]];
+        let skin = SkinnedBounds::new(&positions, &[[0u16], [1], [2]], &[[1.0]; 3]).unwrap();
+        let own = skin.bounds(&[Affine3A::from_translation(Vec3::ZERO); 3]);
+        let rounding = 8.0 * f32::EPSILON * 0.5 * 1000.0;
+        assert!(own.min.x < -rounding && own.min.y < -rounding && own.min.z > -rounding, "{own:?}");
+        // A bone whose box reaches from the origin to 1000 m: the rounding is that of its greatest corner.
+        let skin = SkinnedBounds::new(&[[0.0; 3], [1000.0, 0.0, 0.0]], &[[0u16]; 2], &[[1.0]; 2]).unwrap();
+        let own = skin.bounds(&[Affine3A::IDENTITY]);
+        assert!(own.max.x > 1000.0 + rounding && own.min.x < -rounding, "{own:?}");
+    }
+}

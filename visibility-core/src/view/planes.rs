@@ -205,3 +205,102 @@ impl View {
         planes
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+    use visibility_testing::Random;
+
+    fn view() -> View {
+        let pose = crate::Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        View::perspective(pose, 1.0, 1.0, 0.5, 9.0).unwrap()
+    }
+
+    fn plane(normal: DVec3, offset: f64, error: f64) -> ViewPlane {
+        ViewPlane { plane: Plane::new(normal, offset), error }
+    }
+
+    #[test]
+    fn points_within_the_error_of_a_plane_are_not_inside() {
+        let own = plane(DVec3::X, -2.0, 0.25);
+        for (x, is_inside) in [(1.9, false), (2.1, false), (2.2, false), (2.26, true), (9.0, true)] {
+            let p = DVec3::new(x, 7.0, 7.0);
+            assert_eq!(own.contains(p, p), is_inside, "a point at {x}");
+        }
+        // Normals of whole numbers and points across them: at a distance of 0, but for rounding.
+        let mut random = Random(61);
+        let mut beyond = 0;
+        for _ in 0..1000 {
+            let [a, b] = [(); 2].map(|()| f64::from(random.between(1, 1 << 20)));
+            let across = view().with_clip_planes(&[Plane::new(DVec3::new(a, b, 0.0), 0.0)]).unwrap();
+            let planes = across.clip_planes_from(DVec3::ZERO);
+            let p = DVec3::new(b, -a, 0.0) * f64::from(random.between(1, 1 << 20));
+            assert!(!planes.contains(p), "{p} is on the plane");
+            beyond += usize::from(planes.as_slice()[0].plane.signed_distance(p) > 0.0);
+        }
+        assert!(beyond > 100, "{beyond} points are rounded inwards");
+    }
+
+    #[test]
+    fn boxes_are_inside_with_all_their_corners() {
+        let own = plane(DVec3::new(0.6, -0.8, 0.0), 0.0, 0.0);
+        let at = |min: [f32; 3], max: [f32; 3]| own.contains_box(&Aabb::from_arrays(min, max));
+        assert!(at([9.0, -1.0, -1.0], [10.0, 1.0, 1.0]), "a box in front");
+        assert!(!at([-9.0, -1.0, -1.0], [10.0, 1.0, 1.0]), "a corner behind by x");
+        assert!(!at([9.0, -1.0, -1.0], [10.0, 20.0, 1.0]), "a corner behind by y");
+        assert!(!at([10.0, -1.0, -1.0], [9.0, 1.0, 1.0]), "an inverted box");
+        assert!(!own.contains_box(&Aabb::new(Vec3::NAN, Vec3::NAN)), "a box of NaN");
+    }
+
+    /// Offsets of planes of whole numbers, moved to another origin, against exact sums.
+    #[test]
+    fn offsets_are_within_their_errors() {
+        let mut random = Random(62);
+        let mut off = 0;
+        for round in 0..5000 {
+            let whole = |random: &mut Random, size: i32| [(); 3].map(|()| random.between(-size, size));
+            let (n, shift) = (whole(&mut random, 1 << 20), whole(&mut random, 1 << 30));
+            let vector = |a: [i32; 3]| DVec3::from_array(a.map(f64::from));
+            let dot: i64 = (0..3).map(|i| i64::from(n[i]) * i64::from(shift[i])).sum();
+            let near = i64::from(random.between(-100, 100));
+            if n == [0; 3] {
+                continue;
+            }
+            let clipped = view().with_clip_planes(&[Plane::new(vector(n), (near - dot) as f64)]).unwrap();
+            let planes = clipped.clip_planes_from(vector(shift));
+            let [own] = planes.as_slice() else { panic!("{round}: one plane") };
+            let distance = (own.plane.offset - near as f64 / vector(n).length()).abs();
+            assert!(distance <= own.error, "{round}: {distance} of at most {}", own.error);
+            off += usize::from(distance > own.error / 32.0);
+        }
+        assert!(off > 100, "{off} offsets are off by a part of the bound");
+    }
+
+    #[test]
+    fn planes_that_are_none_are_left_out_or_refused() {
+        let count = |plane: Plane, origin: DVec3| {
+            view().with_clip_planes(&[plane]).unwrap().clip_planes_from(origin).as_slice().len()
+        };
+        assert_eq!(count(Plane::new(DVec3::X, -1.5e308), DVec3::X), 1, "a plane far away");
+        // The terms of the offset cancel, and the sum of their magnitudes overflows.
+        assert_eq!(count(Plane::new(DVec3::X, -1.5e308), DVec3::X * 1.5e308), 0, "an error without end");
+        let refused = |plane: Plane| view().with_clip_planes(&[Plane::new(DVec3::X, 0.0), plane]).err();
+        let expected = Some(ViewError::ClipPlane { index: 1 });
+        for bad in [
+            Plane::new(DVec3::ZERO, 1.0),
+            Plane::new(DVec3::new(0.0, f64::NAN, 1.0), 1.0),
+            Plane::new(DVec3::X, f64::INFINITY),
+        ] {
+            assert_eq!(refused(bad), expected, "{bad:?}");
+        }
+        let many = [Plane::new(DVec3::X, 0.0); MAX_CLIP_PLANES + 1];
+        assert!(view().with_clip_planes(&many[1..]).is_ok(), "as many planes as there may be");
+        let count = many.len();
+        assert_eq!(
+            view().with_clip_planes(&many).err(),
+            Some(ViewError::TooManyClipPlanes { count }),
+            "one more"
+        );
+    }
+}

@@ -294,7 +294,7 @@ impl ViewRegion {
             && same(window.bottom, bottom, high)
             && same(window.top, top, high)
             && same(other.near, self.camera.near, SAME * self.camera.near)
-            && same(other.far, self.camera.far, SAME * self.camera.far)
+            && same(other.far, self.camera.far, SAME * self.camera.far.min(other.far))
             && off <= self.radius
             && turned <= most_turned * (1.0 + 1e-9) + 1e-13
     }
@@ -357,7 +357,7 @@ impl ViewRegion {
 /// `None` if the sum is not certainly less than the angle of [`MAX_TANGENT`].
 fn turned(tangent: f64, by: f64) -> Option<f64> {
     let sum = (tangent + by) / (1.0 - tangent * by);
-    (tangent * by < 1.0 && by >= 0.0 && sum.abs() < MAX_TANGENT).then_some(sum)
+    (tangent * by < 1.0 && sum.abs() < MAX_TANGENT).then_some(sum)
 }
 
 /// The space beside and before the [picture](ViewRegion::picture) of a region in which a view of the region
@@ -380,5 +380,341 @@ impl PictureMargin {
         let beside = (min - self.eye).max(self.eye - max).max(DVec3::ZERO);
         let is_far = beside.length_squared() > self.squared;
         !is_far && !self.planes.iter().all(|plane| plane.contains_box(bounds))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::view::Depth;
+    use glam::{DMat4, DQuat};
+    use visibility_testing::Random;
+
+    /// Returns a view from `eye` through a window, given by its left, right, bottom and top side. It looks
+    /// along z, with x to the right and y upwards, turned by `turn`.
+    fn view(eye: DVec3, turn: DQuat, [left, right, bottom, top]: [f64; 4], near: f64, far: f64) -> View {
+        let pose = Pose { eye, right: turn * DVec3::X, up: turn * DVec3::Y, forward: turn * DVec3::Z };
+        View::perspective_off_center(pose, Window { left, right, bottom, top }, near, far).unwrap()
+    }
+
+    /// Returns a view along z from the origin whose upper and lower side rise by `skew` times their tangent
+    /// to the right, and whose near plane rises towards x and y by `tilt`. The far plane rises by more: by
+    /// the ratio of far to near.
+    fn askew(sides: [f64; 4], skew: f64, tilt: [f64; 2], near: f64, far: f64) -> View {
+        let [left, right, bottom, top] = sides;
+        let (width, height) = (right - left, top - bottom);
+        let row = |x: f64, y: f64, z: f64, w: f64| DVec4::new(x, y, z, w);
+        let (scale, depth) = if far.is_finite() {
+            (far / (far - near), Depth::ZeroToOne)
+        } else {
+            (1.0, Depth::ZeroToOneInfinite)
+        };
+        let rows = [
+            row(2.0 / width, 0.0, -(left + right) / width, 0.0),
+            row(2.0 * skew / height, 2.0 / height, -(bottom + top) / height, 0.0),
+            row(tilt[0], tilt[1], 1.0, -near) * scale,
+            DVec4::Z,
+        ];
+        let matrix = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose();
+        View::from_clip_from_world(matrix, depth).unwrap()
+    }
+
+    /// Returns the least signed distance of a point of the world from the region's planes.
+    fn inside_by(region: &ViewRegion, p: DVec3) -> f64 {
+        let planes = region.planes(DVec3::ZERO);
+        planes.iter().map(|plane| plane.plane.signed_distance(p)).fold(f64::INFINITY, f64::min)
+    }
+
+    const STILL: DQuat = DQuat::IDENTITY;
+    const SIDES: [f64; 4] = [-0.5, 0.7, -0.3, 0.4];
+    const FREE: f64 = f64::INFINITY;
+
+    #[test]
+    fn a_region_contains_views_that_differ_by_the_rounding_of_matrices_and_no_others() {
+        let of = |sides, near, far| view(DVec3::ZERO, STILL, sides, near, far);
+        let region = ViewRegion::around(&of(SIDES, 0.1, 50.0), Reach::new(0.0, 0.0)).unwrap();
+        let endless = ViewRegion::around(&of(SIDES, 0.1, FREE), Reach::new(0.0, 0.0)).unwrap();
+        assert!(
+            region.contains(&of(SIDES, 0.1, 50.0)) && endless.contains(&of(SIDES, 0.1, FREE)),
+            "the views themselves"
+        );
+        assert!(
+            !region.contains(&of(SIDES, 0.1, FREE)) && !endless.contains(&of(SIDES, 0.1, 1e9)),
+            "another far plane"
+        );
+        assert!(!region.contains(&of(SIDES, 0.1, 50.0).with_layers(1)), "other layers");
+        for (by, is_same) in [(4.9e-4, true), (5.1e-4, false), (-4.9e-4, true), (-5.1e-4, false)] {
+            for side in 0..4 {
+                let mut sides = SIDES;
+                sides[side] += by * [1.2, 0.7][side / 2];
+                assert_eq!(region.contains(&of(sides, 0.1, 50.0)), is_same, "side {side} moved by {by}");
+            }
+            let scaled = 1.0 + by;
+            assert_eq!(region.contains(&of(SIDES, 0.1 * scaled, 50.0)), is_same, "near moved by {by}");
+            assert_eq!(region.contains(&of(SIDES, 0.1, 50.0 * scaled)), is_same, "far moved by {by}");
+        }
+        let mirrored = Pose { eye: DVec3::ZERO, right: -DVec3::X, up: DVec3::Y, forward: DVec3::Z };
+        let window = Window { left: -0.5, right: 0.7, bottom: -0.3, top: 0.4 };
+        let mirrored = View::perspective_off_center(mirrored, window, 0.1, 50.0).unwrap();
+        assert!(!region.contains(&mirrored), "a mirrored view");
+    }
+
+    /// The eye of a view far from the world's zero point is uncertain. A region contains its own view and
+    /// those within its reach, and no eye that may be outside of its ball.
+    #[test]
+    fn a_region_contains_what_is_certainly_within_its_ball() {
+        let eye = DVec3::new(1e9, -1e9, 1e9);
+        let at = |eye: DVec3| view(eye, STILL, SIDES, 1e-3, FREE);
+        let error = ViewProjection::new(&at(eye), DVec3::ZERO).eye_error();
+        assert!(error > 1e-6 && error < 1e-5, "the error of the eye is {error} m");
+        for metres in [0.0, 1.0 / 1024.0] {
+            let region = ViewRegion::around(&at(eye), Reach::new(metres, 0.0)).unwrap();
+            assert!(region.contains(&at(eye)), "the view itself, {metres} m");
+            assert!(region.contains(&at(eye + DVec3::X * metres)), "a view {metres} m away");
+            for (errors, is_certain) in [(2.3, true), (1.7, false), (1.2, false)] {
+                let off = region.radius() - errors * error;
+                let other = at(eye + DVec3::X * off);
+                assert_eq!(region.contains(&other), is_certain, "{metres} m, {errors} errors within");
+            }
+        }
+        // Eyes on a grid of 2^-23 m, and a reach that the rounding of an eye exceeds.
+        let step = eye.x.next_up() - eye.x;
+        let region = ViewRegion::around(&at(eye), Reach::new(0.75 * step, 0.0)).unwrap();
+        assert!(region.contains(&at(eye + DVec3::X * step)), "an eye that is rounded to the next number");
+    }
+
+    /// Corners of the pictures of all views that count as the same are in the region: with windows that are
+    /// wider by the tolerance and askew, and near and far planes that are moved and tilted by theirs.
+    #[test]
+    fn planes_hold_what_views_at_the_tolerances_see() {
+        let corners = |[left, right, bottom, top]: [f64; 4]| {
+            [(left, bottom), (left, top), (right, bottom), (right, top)]
+        };
+        let most = 4.999e-4;
+        // Windows, with the greatest skew that half of the slack allows.
+        for (x, y, skew) in [(0.5, 0.4, 0.0), (3.5, 0.0171, 9.7e-6), (3.5, 0.0171, -9.7e-6)] {
+            let sides = [-x, x, -y, y];
+            for near_skew in [0.0, skew] {
+                let own = askew(sides, near_skew, [0.0; 2], 1.0, FREE);
+                let region = ViewRegion::around(&own, Reach::new(0.0, 0.0)).unwrap();
+                let wider =
+                    [-x - 2.0 * x * most, x + 2.0 * x * most, -y - 2.0 * y * most, y + 2.0 * y * most];
+                for sides in [wider, [wider[0], x, wider[2], y], [-x, wider[1], -y, wider[3]]] {
+                    let other = askew(sides, skew, [0.0; 2], 1.0, FREE);
+                    assert!(region.contains(&other), "{sides:?} askew by {skew}");
+                    for (right, up) in corners(sides) {
+                        let p = DVec3::new(right, up - skew * right, 1.0) * 4.0;
+                        let least = inside_by(&region, p);
+                        assert!(least > -1e-12, "{p} is outside by {least}: {sides:?}, {skew}");
+                    }
+                }
+            }
+        }
+        // Askew by more than the slack allows, to one side alone.
+        for sides in [[-0.01, 3.5, -0.005, 0.005], [-3.5, 0.01, -0.005, 0.005]] {
+            let own = askew(sides, 9e-6, [0.0; 2], 1.0, FREE);
+            assert!(ViewRegion::around(&own, Reach::new(0.0, 0.0)).is_none(), "{sides:?}");
+        }
+        // Near and far planes that are tilted towards a corner of a wide window.
+        let wide = [-3.66, 3.66, -3.66, 3.66];
+        let tilt = 0.9999e-4 / 2f64.sqrt();
+        let region =
+            ViewRegion::around(&askew(wide, 0.0, [0.0; 2], 1.0, FREE), Reach::new(0.0, 0.0)).unwrap();
+        let near = 1.0 - most;
+        let other = askew(wide, 0.0, [tilt; 2], near, FREE);
+        assert!(region.contains(&other), "a near plane that is tilted");
+        let bounded =
+            ViewRegion::around(&askew(wide, 0.0, [0.0; 2], 1.0, 9.0), Reach::new(0.0, 0.0)).unwrap();
+        let far = 9.0 * (1.0 + most);
+        let tilted = askew(wide, 0.0, [tilt / far; 2], 1.0, far);
+        assert!(bounded.contains(&tilted), "a far plane that is tilted");
+        for (right, up) in corners(wide) {
+            let (ray, slope) = (DVec3::new(right, up, 1.0), right + up);
+            let p = ray * (near / (1.0 + tilt * slope));
+            assert!(inside_by(&region, p) > -1e-12, "{p} of the near plane is outside");
+            assert!(p.length() <= region.start_radius(), "{p} is where sight begins");
+            // On the far plane `w - z = 0`, with `z = s (n . p - near)` and `s = far / (far - near)`.
+            let s = far / (far - 1.0);
+            let p = ray * (s / (s * (1.0 + tilt / far * slope) - 1.0));
+            assert!(inside_by(&bounded, p) > -1e-12, "{p} of the far plane is outside");
+        }
+    }
+
+    /// Corners of the near and far plane of views that are turned and moved to the limits of the region, for
+    /// windows whose sides differ.
+    #[test]
+    fn planes_hold_what_turned_views_see() {
+        let mut random = Random(71);
+        let all =
+            [[-2.0, 0.1, -0.1, 0.1], [-0.1, 2.0, -0.1, 0.1], [-0.1, 0.1, -2.0, 0.1], [-0.1, 0.1, -0.1, 2.0]];
+        let narrow = [[-0.03, 0.03, -0.04, 0.04], [-1.0, 1.0, -1.0, 1.0], [-2.0, 2.0, -0.1, 0.1]];
+        for sides in all.into_iter().chain(narrow) {
+            for (metres, radians) in [(0.0, 0.1), (0.2, 0.1), (0.1, 0.3), (0.0, 0.9)] {
+                let own = view(DVec3::ZERO, STILL, sides, 1.0, 9.0);
+                let Some(region) = ViewRegion::around(&own, Reach::new(metres, radians)) else { continue };
+                let [left, right, bottom, top] = sides;
+                for round in 0..200 {
+                    let axis = if round % 3 == 0 {
+                        random.pick(&[DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z])
+                    } else {
+                        random.direction()
+                    };
+                    let part = if round % 2 == 0 { 1.0 } else { random.unit() };
+                    let turn = DQuat::from_axis_angle(axis, radians * part);
+                    let eye = random.direction() * metres;
+                    assert!(region.contains(&view(eye, turn, sides, 1.0, 9.0)), "{round}: {sides:?}");
+                    let beyond = DQuat::from_axis_angle(axis, radians * 1.001 + 1e-5);
+                    assert!(!region.contains(&view(eye, beyond, sides, 1.0, 9.0)), "{round}: {sides:?}");
+                    for (x, y) in [(left, bottom), (left, top), (right, bottom), (right, top), (left, 0.0)] {
+                        for depth in [1.0, 9.0] {
+                            let p = eye + turn * (DVec3::new(x, y, 1.0) * depth);
+                            let least = inside_by(&region, p);
+                            assert!(least > -1e-12, "{round}: {p} is {least} outside, {sides:?} {radians}");
+                        }
+                        let start = eye + turn * DVec3::new(x, y, 1.0);
+                        assert!(start.length() <= region.start_radius(), "{round}: sight begins at {start}");
+                    }
+                }
+                assert!(region.start_radius() >= 2.0 * region.radius(), "planes of eyes are near");
+            }
+        }
+        let wide = ViewRegion::around(&view(DVec3::ZERO, STILL, SIDES, 1e-3, FREE), Reach::new(1.0, 0.0));
+        assert!(wide.unwrap().start_radius() >= 2.0, "planes of eyes are near");
+    }
+
+    #[test]
+    fn views_and_reaches_without_regions() {
+        let at = |sides| view(DVec3::ZERO, STILL, sides, 0.1, FREE);
+        let around = |view: &View, metres, radians| ViewRegion::around(view, Reach::new(metres, radians));
+        let narrow = at([-0.1, 0.1, -0.1, 0.1]);
+        assert!(
+            around(&at(SIDES), 0.1, 0.1).is_some() && around(&narrow, 0.1, 0.9).is_some(),
+            "views with regions"
+        );
+        for radians in [1.0, 3.0, 3.3, 6.5, FREE] {
+            assert!(around(&narrow, 0.1, radians).is_none(), "a turn of {radians}");
+        }
+        assert!(around(&at(SIDES), FREE, 0.1).is_none(), "a ball without end");
+        assert!(around(&at([-7.0, 7.0, -1.0, 1.0]), 0.1, 0.0).is_none(), "a wide window");
+        assert!(around(&at([-0.1, 3.0, -0.1, 0.1]), 0.1, 0.9).is_none(), "a side behind the eye");
+        // Angles whose sums are beyond 90 degrees have tangents as those of a window to the other side.
+        let aside = at([-0.001, 1.0, -0.001, 1.0]);
+        assert!(
+            around(&aside, 0.1, 0.2).is_some() && around(&aside, 0.1, 0.735).is_none(),
+            "a turned corner"
+        );
+        let clipped = at(SIDES).with_clip_planes(&[Plane::new(DVec3::X, 1.0)]).unwrap();
+        assert!(around(&clipped, 0.1, 0.1).is_none(), "a clip plane");
+        let behind = askew(SIDES, 0.0, [0.0; 2], -0.5, FREE);
+        assert!(around(&behind, 0.1, 0.1).is_none(), "a near plane behind the eye");
+        let oblique = askew(SIDES, 0.0, [1e-3, 0.0], 0.5, FREE);
+        assert!(around(&oblique, 0.1, 0.1).is_none(), "an oblique near plane");
+        assert_eq!(Reach::new(-1.0, f64::NAN), Reach::new(0.0, 0.0), "reaches that are none");
+    }
+
+    /// What is beside the picture, by an eye aside and a ray along a side of the volume, is met by the
+    /// margin; what is far beside it, or inside the picture, is not.
+    #[test]
+    fn the_margin_holds_what_is_beside_the_picture() {
+        let point = |p: DVec3| Aabb::new(p.as_vec3() - 1e-4, p.as_vec3() + 1e-4);
+        for [x, y] in [[0.01, 0.01], [1.0, 0.5], [0.5, 2.0]] {
+            let own = view(DVec3::ZERO, STILL, [-x, x, -y, y], 1e-3, FREE);
+            let region = ViewRegion::around(&own, Reach::new(1.0, 0.0)).unwrap();
+            let (margin, picture) = (region.margin(DVec3::ZERO), region.picture().planes(DVec3::ZERO));
+            let mut beside = 0;
+            for (across, along, tangent, other) in [(DVec3::X, DVec3::Y, x, y), (DVec3::Y, DVec3::X, y, x)] {
+                for side in [-1.0, 1.0] {
+                    let (sine, cosine) = (tangent / tangent.hypot(1.0), 1.0 / tangent.hypot(1.0));
+                    let eye = across * (cosine * side) - DVec3::Z * sine;
+                    for step in 0..200 {
+                        let depth = f64::from(step) * 0.1;
+                        for up in [-other, 0.0, other] {
+                            let p = eye + (across * (tangent * side) + along * up + DVec3::Z) * depth;
+                            let is_inside = picture.contains(p + (p - eye) * 1e-3);
+                            beside += usize::from(!is_inside && depth > 2.0);
+                            let is_met = margin.may_meet(&point(p));
+                            assert!(is_inside || is_met, "{p} is beside the picture of {x} by {y}");
+                        }
+                    }
+                }
+            }
+            assert!(beside > 100, "{beside} points beside the picture");
+            assert!(!margin.may_meet(&point(DVec3::Z * 8.0)), "a box in the middle of the picture");
+            assert!(margin.may_meet(&point(DVec3::Z * 1.5)), "a box before the picture");
+        }
+        let narrow = view(DVec3::ZERO, STILL, [-0.01, 0.01, -0.01, 0.01], 1e-3, FREE);
+        let region = ViewRegion::around(&narrow, Reach::new(1.0, 0.0)).unwrap();
+        let margin = region.margin(DVec3::ZERO);
+        for p in [DVec3::X, DVec3::Y, DVec3::new(0.9, 0.0, 0.4)] {
+            assert!(!margin.may_meet(&point(p * 11.0)) && !margin.may_meet(&point(p * -11.0)), "{p} is far");
+        }
+        assert!(margin.may_meet(&Aabb::new(glam::Vec3::ONE, glam::Vec3::ZERO)), "an inverted box");
+        // Sight of a wide view begins beside and before the picture, farther away than the ball is wide.
+        let wide = view(DVec3::ZERO, STILL, [-3.0, 3.0, -3.0, 3.0], 1.0, FREE);
+        let region = ViewRegion::around(&wide, Reach::new(0.01, 0.0)).unwrap();
+        let margin = region.margin(DVec3::ZERO);
+        for at in [DVec3::new(2.9, 2.9, 1.0), DVec3::new(-2.9, 2.9, 1.0), DVec3::new(8.0, -8.0, 3.0)] {
+            assert!(margin.may_meet(&point(at)), "{at} is before the picture");
+        }
+    }
+
+    /// The eye relative to an origin so far that the difference is rounded by 127 m: the planes across the
+    /// view and the margin count it.
+    #[test]
+    fn far_origins_count_with_their_rounding() {
+        let (eye, origin) = (DVec3::Z * 129.0, DVec3::Z * -2f64.powi(60));
+        let ahead = view(eye, STILL, [-1e-3, 1e-3, -1e-3, 1e-3], 1.0, 100.0);
+        let region = ViewRegion::around(&ahead, Reach::new(14.0, 0.0)).unwrap();
+        let (mut across, mut most) = (0, 0.0f64);
+        for plane in region.planes(origin).into_iter().filter(|plane| plane.plane.normal.z.abs() > 0.9) {
+            let towards = plane.plane.normal.z;
+            if plane.plane.normal.truncate() != glam::DVec2::ZERO {
+                continue;
+            }
+            across += 1;
+            let depth = if towards > 0.0 { region.depths[0] } else { -region.depths[1] };
+            // `offset + towards * 2^60` is exact, `-129 towards - depth` what it should be.
+            let off = (plane.plane.offset + towards * 2f64.powi(60)) - (-129.0 * towards - depth);
+            most = most.max(off.abs());
+            assert!(off.abs() <= plane.error, "{towards}: off by {off} m");
+        }
+        assert!(across == 2 && most > 100.0, "{across} planes across the view, off by up to {most} m");
+        let turned = DQuat::from_rotation_y(core::f64::consts::PI);
+        let back = view(eye, turned, [-1e-3, 1e-3, -1e-3, 1e-3], 1e-3, FREE);
+        let region = ViewRegion::around(&back, Reach::new(14.0, 0.0)).unwrap();
+        // Relative to the origin, 129 m before the eye and 14 m aside.
+        let at = glam::Vec3::new(14.0, 0.0, 2f32.powi(60));
+        assert!(region.margin(origin).may_meet(&Aabb::new(at, at)), "a box beside the picture");
+        let relative = glam::Vec3::new(14.0, 0.0, -129.0);
+        assert!(region.margin(eye).may_meet(&Aabb::new(relative, relative)), "the same from nearby");
+    }
+
+    /// The sides of the volume, relative to origins near them and far from the eye, against sums of double
+    /// precision.
+    #[test]
+    fn sides_are_within_their_errors() {
+        use crate::geometry::DoubleDouble;
+        let mut random = Random(73);
+        let region = ViewRegion::around(&view(DVec3::ZERO, STILL, SIDES, 0.1, FREE), Reach::new(0.0, 0.0));
+        let region = region.unwrap();
+        let m = region.volume.clip_from_local;
+        let mut off = 0;
+        for round in 0..400 {
+            let (axis, sign) = (round / 2 % 2, if round % 2 == 0 { 1.0 } else { -1.0 });
+            let (row, w) = (m.row(axis), m.row(3));
+            let normal = [0, 1, 2].map(|i| DoubleDouble::sum(w[i], sign * row[i]));
+            let length = DVec3::from_array(normal.map(|x| x.hi)).length();
+            // Along the side, so that the terms of the offset cancel.
+            let mut origin = DVec3::new(random.fine_range(-1.0, 1.0), random.fine_range(-1.0, 1.0), 1.0);
+            origin[axis] = -normal[2].hi / normal[axis].hi;
+            let origin = origin * 2f64.powi(40) * random.fine_range(0.5, 1.0);
+            let terms = [0, 1, 2].map(|i| normal[i].times(origin[i].into()));
+            let exact = terms[0].plus(terms[1]).plus(terms[2]).hi / length + region.radius;
+            let plane = region.planes(origin)[2 * axis + round % 2];
+            let distance = (plane.plane.offset - exact).abs();
+            assert!(distance <= plane.error, "{round}: {distance} of at most {}", plane.error);
+            off += usize::from(distance > plane.error / 64.0);
+        }
+        assert!(off > 20, "{off} sides are off by a part of their bound");
     }
 }

@@ -234,3 +234,237 @@ fn intersection(planes: [&ViewPlane; 3]) -> Option<Intersection> {
     let sure = determinant.abs() > MIN_DETERMINANT && error < f64::INFINITY;
     sure.then_some(Intersection { at, error, determinant })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Plane;
+    use glam::{DMat3, DVec4};
+    use visibility_testing::Random;
+
+    fn plane(normal: DVec3, offset: f64, error: f64) -> ViewPlane {
+        let length = normal.length();
+        ViewPlane { plane: Plane::new(normal / length, offset / length), error }
+    }
+
+    /// Returns the point in which three planes meet, moved by `by` along their normals.
+    fn met(planes: [&ViewPlane; 3], by: [f64; 3]) -> DVec3 {
+        let [a, b, c] = planes.map(|plane| plane.plane);
+        let offsets = DVec3::new(a.offset + by[0], b.offset + by[1], c.offset + by[2]);
+        DMat3::from_cols(a.normal, b.normal, c.normal).transpose().inverse() * -offsets
+    }
+
+    /// The planes of a view along z from the origin, with tangents of 1 at all sides and the near plane at a
+    /// distance of 1. `errors` are those of sides, of the near plane and of the eye.
+    fn planes(errors: [f64; 3], clips: &[ViewPlane]) -> SightPlanes {
+        let side = |x: f64, y: f64| plane(DVec3::new(x, y, 1.0), 0.0, errors[0]);
+        let mut start_planes = SmallVec::new();
+        start_planes.push(plane(DVec3::Z, -1.0, errors[1]));
+        start_planes.extend_from_slice(clips);
+        let sides = [side(1.0, 0.0), side(-1.0, 0.0), side(0.0, 1.0), side(0.0, -1.0)];
+        SightPlanes { sides, start_planes, eye: Some((DVec3::ZERO, errors[2])) }
+    }
+
+    fn polygons(planes: &SightPlanes) -> Option<Vec<(Vec<DVec3>, f64)>> {
+        let mut found = Vec::new();
+        planes.for_each_polygon(|corners, error| found.push((corners.to_vec(), error)))?;
+        Some(found)
+    }
+
+    extern crate std;
+    use std::vec::Vec;
+
+    /// Planes that are off by as much as they may be meet within the bound.
+    #[test]
+    fn planes_meet_within_the_bound() {
+        let mut random = Random(81);
+        let (mut told, mut tight) = (0, 0);
+        for round in 0..5000 {
+            let errors = [(); 3].map(|()| random.fine_range(1e-6, 1e-3));
+            // Often nearly in one bundle: three normals of which one is nearly a sum of the others.
+            let [a, b] = [random.direction(), random.direction()];
+            let c = if round % 2 == 0 { random.direction() } else { -(a + b) + random.vector(0.01) };
+            let [a, b, c] = [(a, errors[0]), (b, errors[1]), (c, errors[2])]
+                .map(|(normal, error)| plane(normal, random.fine_range(-2.0, 2.0), error));
+            let Some(Intersection { at, error, determinant }) = intersection([&a, &b, &c]) else { continue };
+            told += 1;
+            let volume = a.plane.normal.dot(b.plane.normal.cross(c.plane.normal));
+            assert_eq!(determinant > 0.0, volume > 0.0, "{round}: the sign of the determinant");
+            for signs in 0..8 {
+                let by = core::array::from_fn(|i| if signs >> i & 1 == 0 { errors[i] } else { -errors[i] });
+                let off = met([&a, &b, &c], by).distance(at);
+                assert!(off <= error, "{round}: off by {off} of at most {error}");
+                tight += usize::from(off > 0.3 * error);
+            }
+        }
+        assert!(told > 4000 && tight > 100, "{told} points, {tight} nearly off");
+        let flat = |z: f64| plane(DVec3::new(1.0, 0.0, z), 1.0, 0.0);
+        assert!(intersection([&flat(0.0), &flat(1.0), &flat(2.0)]).is_none(), "normals in one plane");
+        for round in 0..100 {
+            // Three normals in one plane, but for the rounding of the third.
+            let [a, b] = [random.direction(), random.direction()];
+            let [a, b, c] = [a, b, a * 0.3 + b * 0.4].map(|normal| plane(normal, 1.0, 0.0));
+            assert!(intersection([&a, &b, &c]).is_none(), "{round}: a sign that is rounding alone");
+        }
+        let far = |normal| plane(normal, 1e308, 0.0);
+        let [x, y, z] = [DVec3::X, DVec3::new(1.0, 1e-3, 0.0), DVec3::new(0.0, 1.0, 1e-3)].map(far);
+        assert!(intersection([&x, &y, &z]).is_none_or(|found| found.error < f64::INFINITY), "far away");
+        let uncertain = ViewPlane { error: f64::MAX, ..x };
+        assert!(intersection([&uncertain, &y, &z]).is_none(), "a bound without end");
+    }
+
+    /// Distances of points of whole numbers from planes of whole numbers, of which the normal is rounded.
+    #[test]
+    fn distances_are_within_the_margin() {
+        let mut random = Random(82);
+        let view = crate::Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(view, 1.0, 1.0, 0.5, 9.0).unwrap();
+        let mut off = 0;
+        for round in 0..5000 {
+            let whole = |random: &mut Random, size: i32| [(); 3].map(|()| random.between(-size, size));
+            let vector = |a: [i32; 3]| DVec3::from_array(a.map(f64::from));
+            let n = whole(&mut random, 1 << 20);
+            if n == [0; 3] {
+                continue;
+            }
+            // Points across the normal, at a distance of 0 from a plane through the anchor.
+            let q = whole(&mut random, 1 << 10);
+            let p = vector(n).cross(vector(q)) * f64::from(random.between(1, 1 << 10));
+            let clipped = view.with_clip_planes(&[Plane::new(vector(n), 0.0)]).unwrap();
+            let planes = clipped.clip_planes_from(DVec3::ZERO);
+            let [own] = planes.as_slice() else { panic!("{round}: one plane") };
+            let distance = own.plane.signed_distance(p).abs();
+            let bound = margin(own, p.length());
+            assert!(distance <= bound, "{round}: {distance} of at most {bound}");
+            off += usize::from(distance > bound / 64.0);
+        }
+        assert!(off > 100, "{off} points are off by a part of the margin");
+        assert_eq!(margin(&plane(DVec3::X, 0.0, 0.5), 0.0), 0.5 + 8.0 * f64::MIN_POSITIVE, "its own error");
+    }
+
+    #[test]
+    fn an_eye_within_the_errors_of_a_plane_is_undecided() {
+        // The near plane is 1 m before the eye.
+        for (near, eye, is_decided) in
+            [(0.5, 0.45, true), (0.5, 0.55, false), (0.9, 0.2, false), (0.2, 0.9, false)]
+        {
+            let planes = planes([0.0, near, eye], &[]);
+            let found = planes.is_entered(0);
+            assert_eq!(found, is_decided.then_some(true), "errors of {near} and {eye} m");
+        }
+        let behind = plane(DVec3::Z, 2.0, 0.5);
+        let planes = planes([0.0, 0.1, 0.1], &[behind]);
+        assert_eq!(planes.is_entered(1), Some(false), "a clip plane behind the eye");
+        let found = polygons(&planes).unwrap_or_default();
+        assert!(found.len() == 1 && found[0].0.len() == 4, "the near plane alone: {found:?}");
+    }
+
+    #[test]
+    fn the_eye_is_where_sight_begins_if_no_plane_cuts_it_away() {
+        let mut planes = planes([0.0, 0.1, 0.125], &[]);
+        planes.start_planes[0] = plane(DVec3::Z, 1.0, 0.1);
+        assert_eq!(polygons(&planes), Some(alloc::vec![(alloc::vec![DVec3::ZERO], 0.125)]), "the eye");
+        // The eye of a view far from its anchor has an error.
+        let pose = crate::Pose::look_at(DVec3::new(1e9, 2e9, 3e9), DVec3::ZERO, DVec3::Z);
+        let far = View::perspective(pose, 1.0, 1.0, 0.5, 9.0).unwrap();
+        let own = SightPlanes::new(&far, DVec3::ZERO).and_then(|planes| planes.eye);
+        let expected = ViewProjection::new(&far, DVec3::ZERO).eye_error();
+        assert!(expected > 1e-7, "an error of {expected} m");
+        assert_eq!(own.map(|(_, error)| error), Some(expected), "the error of the eye");
+    }
+
+    /// The error of a polygon is that of its least certain corner.
+    #[test]
+    fn polygons_have_the_greatest_error_of_their_corners() {
+        for slope in [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::ONE] {
+            let mut planes = planes([1e-6, 1e-6, 0.0], &[]);
+            planes.start_planes[0] = plane(DVec3::Z + slope * 0.3, -1.0, 1e-6);
+            let [left, right, bottom, top] = &planes.sides;
+            let front = &planes.start_planes[0];
+            let corners = [[left, bottom], [right, bottom], [right, top], [left, top]];
+            let errors = corners.map(|[a, b]| intersection([front, a, b]).unwrap().error);
+            let greatest = errors.into_iter().fold(0.0, f64::max);
+            assert!(errors.iter().any(|error| *error < 0.8 * greatest), "corners differ: {errors:?}");
+            let found = polygons(&planes).unwrap_or_default();
+            assert!(found.len() == 1 && found[0].1 >= greatest, "{slope}: {found:?}");
+        }
+    }
+
+    /// The corners of the near plane must be before the eye by more than the errors.
+    #[test]
+    fn corners_that_may_be_behind_the_eye_are_undecided() {
+        // An oblique plane that the upper edges of the view meet at 1 / (1 - slope).
+        let upper = |slope: f64, errors: [f64; 3]| {
+            let mut planes = planes(errors, &[]);
+            planes.start_planes[0] = plane(DVec3::new(0.0, -slope, 1.0), -1.0, errors[1]);
+            planes.polygon(0)
+        };
+        assert!(upper(0.0, [0.0; 3]).is_some() && upper(0.9, [0.0; 3]).is_some(), "planes before the eye");
+        assert!(upper(1.1, [0.0; 3]).is_none(), "a plane that the upper edges do not meet");
+        // The corners of the near plane are 2 / sqrt(2) inside the opposite planes.
+        let inside = 2f64.sqrt();
+        for (sides, near, is_told) in
+            [(0.1, 0.1, true), (0.8 * inside, 0.0, false), (0.0, 0.5 * inside, false)]
+        {
+            assert_eq!(upper(0.0, [sides, near, 0.0]).is_some(), is_told, "errors of {sides} and {near} m");
+        }
+    }
+
+    fn distance_to_polygon(p: DVec3, polygon: &[DVec3]) -> f64 {
+        // Distance from the nearest of many points of the polygon: of edges and of a fan of triangles.
+        let mut least = f64::INFINITY;
+        for i in 0..polygon.len() {
+            let (a, b) = (polygon[i], polygon[(i + 1) % polygon.len()]);
+            for (from, to) in [(a, b), (polygon[0], a)] {
+                let along = to - from;
+                let t = (p - from).dot(along) / along.length_squared().max(f64::MIN_POSITIVE);
+                least = least.min(p.distance(from + along * t.clamp(0.0, 1.0)));
+            }
+        }
+        least
+    }
+
+    /// A clip plane that meets the near plane at a small angle cuts it far from where it would if both were
+    /// without their errors.
+    #[test]
+    fn clipped_polygons_hold_where_sight_may_begin() {
+        for errors in [[1e-3, 1e-3, 0.0], [1e-9, 1e-9, 1e-3], [1e-6, 1e-3, 1e-3], [1e-3, 1e-9, 1e-9]] {
+            let [side_error, near_error, clip_error] = errors;
+            for slope in [0.02, 0.3, -0.3] {
+                let clip = plane(DVec3::new(slope, 0.0, 1.0), -1.0, clip_error);
+                let planes = planes([side_error, near_error, 0.0], &[clip]);
+                let Some((corners, error)) = planes.polygon(0) else { panic!("the near plane is met") };
+                // The exact near plane is farther away by its error, and the exact clip plane nearer: between
+                // them is where x is least.
+                let [bottom, top] = [2, 3].map(|side| &planes.sides[side]);
+                let near = &planes.start_planes[0];
+                for side in [bottom, top] {
+                    for [near_by, clip_by] in [[-1.0, 1.0], [1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]] {
+                        let by = [0.0, near_error * near_by, clip_error * clip_by];
+                        let p = met([side, near, &clip], by);
+                        if p.x.abs() > 0.99 {
+                            continue;
+                        }
+                        let off = distance_to_polygon(p, &corners);
+                        assert!(off <= error, "{errors:?}, {slope}: {p} is {off} off, of at most {error}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// In a parallel view, rays enter a plane if they cross it in the sense in which they cross the near
+    /// plane.
+    #[test]
+    fn parallel_rays_enter_planes_in_the_sense_of_the_near_plane() {
+        let pose = crate::Pose { eye: DVec3::ZERO, right: DVec3::X, up: DVec3::Y, forward: DVec3::Z };
+        let window = crate::view::Window::centered(1.0, 1.0);
+        let view = View::orthographic(pose, window, 0.5, 9.0).unwrap();
+        let clips = [Plane::new(DVec3::Z, -2.0), Plane::new(-DVec3::Z, 4.0)];
+        let view = view.with_clip_planes(&clips).unwrap();
+        let planes = SightPlanes::new(&view, DVec3::ZERO).unwrap();
+        let entered = [0, 1, 2].map(|index| planes.is_entered(index));
+        assert_eq!(entered, [Some(true), Some(true), Some(false)], "near plane and clip planes");
+        assert!(view.clip_from(DVec3::ZERO).row(3) == DVec4::W, "the view is parallel");
+    }
+}

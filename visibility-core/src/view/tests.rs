@@ -229,3 +229,30 @@ fn parameters_out_of_range_are_refused_with_range_and_unit() {
     let error = View::orthographic(pose(), window, 0.0, 1.0).unwrap_err().to_string();
     assert!(error.contains("width cannot be -2: the left edge must be less than the right"), "{error}");
 }
+
+/// The first parameter that is out of range is named, at each end of its range.
+#[test]
+fn parameters_at_the_ends_of_their_ranges_are_named() {
+    let name = |view: Result<View, ViewError>| match view {
+        Err(ViewError::Parameter { name, .. }) => name,
+        other => panic!("no parameter is named: {other:?}"),
+    };
+    let (infinite, pi) = (f64::INFINITY, core::f64::consts::PI);
+    let perspective = |fov, aspect, near, far| name(View::perspective(pose(), fov, aspect, near, far));
+    assert_eq!([0.0, pi].map(|fov| perspective(fov, 1.0, 0.1, 9.0)), ["fov_y"; 2], "no angle");
+    assert_eq!([0.0, infinite].map(|aspect| perspective(1.0, aspect, 0.1, 9.0)), ["aspect"; 2], "no ratio");
+    assert_eq!(
+        [0.0, infinite].map(|near| perspective(1.0, 1.0, near, infinite)),
+        ["near"; 2],
+        "no near plane"
+    );
+    assert_eq!([0.1, f64::NAN].map(|far| perspective(1.0, 1.0, 0.1, far)), ["far"; 2], "no far plane");
+    let window = |left, right| Window { left, right, bottom: -1.0, top: 1.0 };
+    for window in [window(1.0, 1.0), window(0.0, infinite), window(f64::NAN, 1.0)] {
+        assert_eq!(name(View::perspective_off_center(pose(), window, 0.1, 9.0)), "width", "{window:?}");
+        assert_eq!(name(View::orthographic(pose(), window, 0.1, 9.0)), "width", "{window:?}");
+    }
+    let parallel = |near, far| name(View::orthographic(pose(), window(-1.0, 1.0), near, far));
+    assert_eq!([1.0, 0.5, infinite].map(|far| parallel(1.0, far)), ["far"; 3], "no far plane");
+    assert_eq!(parallel(-f64::MAX, f64::MAX), "far", "a length without end");
+}

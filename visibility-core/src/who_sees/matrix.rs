@@ -224,3 +224,102 @@ impl SightCells for ViewcellMatrix {
         is_known
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cells::CellId;
+    use crate::geometry::ConvexPolygon;
+    use crate::pvs::Viewcell;
+
+    fn room(x: f64) -> Viewcell {
+        Viewcell::from_box(DVec3::new(x, 0.0, 0.0), DVec3::new(x + 4.0, 4.0, 4.0))
+    }
+
+    /// Rooms in a row of 4 m each, with doors of 2 m between neighbours. The doors are `off` metres beyond
+    /// the walls.
+    fn row(count: u32, off: f64) -> CellGraph {
+        let door = |x: f64| {
+            let corners = [[1.0, 1.0], [3.0, 1.0], [3.0, 3.0], [1.0, 3.0]];
+            ConvexPolygon::new(corners.map(|[y, z]| DVec3::new(x, y, z))).unwrap()
+        };
+        let doors = (1..count).map(|i| (door(4.0 * f64::from(i) + off), [CellId(i - 1), CellId(i)]));
+        CellGraph::new(count as usize, doors).unwrap()
+    }
+
+    fn rooms(count: u32) -> Viewcells {
+        Viewcells::new((0..count).map(|i| room(4.0 * f64::from(i))))
+    }
+
+    fn set(targets: PvsTargets, source: u64, viewcells: u32, count: usize) -> Pvs {
+        let rows: Vec<Vec<u32>> =
+            (0..viewcells).map(|cell| alloc::vec![cell.min(count as u32 - 1)]).collect();
+        Pvs::new(targets, count, &rows, |_| []).unwrap().with_source(source)
+    }
+
+    #[test]
+    fn sets_of_something_else_are_refused() {
+        let graph = row(3, 0.0);
+        let of = |pvs: Pvs| ViewcellMatrix::of_portals(&graph, rooms(3), &pvs, 1e-6).map(|_| ());
+        assert_eq!(of(set(PvsTargets::Cells, graph.version(), 3, 3)), Ok(()), "the set of the graph");
+        for (what, pvs) in [
+            ("of objects", set(PvsTargets::Objects, graph.version(), 3, 3)),
+            ("of another graph", set(PvsTargets::Cells, graph.version() ^ 1, 3, 3)),
+            ("of fewer viewcells", set(PvsTargets::Cells, graph.version(), 2, 3)),
+            ("of more cells", set(PvsTargets::Cells, graph.version(), 3, 4)),
+        ] {
+            assert_eq!(of(pvs), Err(OfPortalsError::Pvs), "a set {what}");
+        }
+    }
+
+    /// Doors and volumes may be off by the tolerance: what a mover is near to counts as reached.
+    #[test]
+    fn movers_reach_what_is_within_the_tolerance() {
+        let matrix = |off: f64, tolerance: f64| {
+            let graph = row(3, off);
+            let pvs = set(PvsTargets::Cells, graph.version(), 3, 3);
+            ViewcellMatrix::of_portals(&graph, rooms(3), &pvs, tolerance)
+        };
+        assert!(matrix(0.45, 0.5).is_ok() && matrix(0.55, 0.5).is_err(), "doors beside their walls");
+        assert!(matrix(0.0, f64::NAN).is_ok() && matrix(1e-9, f64::NAN).is_err(), "a tolerance of NaN");
+        let mut own = matrix(0.0, 0.5).unwrap();
+        let mut cells = |min: [f64; 3], max: [f64; 3], margin: f64| {
+            let mut found = alloc::vec![7];
+            let reach = Reach { margin, ..Reach::new(min.into(), max.into()) };
+            let is_known = own.cells_of(&reach, &mut found);
+            assert_eq!(found.remove(0), 7, "cells are appended");
+            found.sort_unstable();
+            (is_known, found)
+        };
+        assert_eq!(cells([1.0; 3], [2.0; 3], 0.0), (true, [0].to_vec()), "in the first room");
+        assert_eq!(cells([1.0; 3], [3.45, 2.0, 2.0], 0.0), (true, [0].to_vec()), "0.55 m before the wall");
+        // The volume of the next room may be half a metre nearer than it is said to be.
+        assert_eq!(cells([1.0; 3], [3.55, 0.2, 2.0], 0.0).1, [0, 1], "0.45 m before the wall");
+        // Doors are met with half a metre around them; what is beside them is not.
+        assert_eq!(cells([1.0; 3], [2.0; 3], 1.45), (true, [0].to_vec()), "0.55 m before a door");
+        assert_eq!(cells([1.0; 3], [2.0; 3], 1.55), (true, [0, 1].to_vec()), "0.45 m before a door");
+        let mut beside = |low: f64| cells([1.0, low, 1.5], [2.0, low + 0.1, 2.0], 2.2).1;
+        assert_eq!(beside(3.4), [0, 1], "beside a door, but with the margin before it");
+        assert_eq!(cells([3.0, 3.6, 1.5], [3.2, 3.7, 2.0], 0.5).1, [0, 1], "0.4 m above a door");
+        assert_eq!(cells([3.0, 3.9, 1.5], [3.2, 3.95, 2.0], 0.25).1, [0], "0.65 m above a door");
+        assert_eq!(cells([3.0, 0.1, 1.5], [3.2, 0.15, 2.0], 0.2).1, [0], "0.65 m below a door");
+        assert_eq!(cells([5.0, 1.5, 1.5], [6.0, 2.0, 2.0], 6.0).1, [0, 1, 2], "through two doors");
+        assert_eq!(cells([6.0, 1.5, 1.5], [7.0, 2.0, 2.0], 0.2).1, [1], "between two doors");
+        assert_eq!(cells([9.0; 3], [9.5; 3], 0.0), (false, [].to_vec()), "in no room");
+    }
+
+    /// Whoever may get out of a divided box through a cell at its side may be anywhere.
+    #[test]
+    fn movers_that_leave_the_divided_box_are_unknown() {
+        let graph = row(2, 0.0);
+        let pvs = set(PvsTargets::Cells, graph.version(), 2, 2);
+        let cells =
+            Viewcells::of_divided_box([room(0.0), room(4.0)], DVec3::ZERO, DVec3::new(8.0, 4.0, 4.0), 0.0);
+        let mut matrix = ViewcellMatrix::of_portals(&graph, cells, &pvs, 0.0).unwrap();
+        let mut is_known = |margin: f64| {
+            let reach = Reach { margin, ..Reach::new(DVec3::splat(1.5), DVec3::splat(2.5)) };
+            matrix.cells_of(&reach, &mut Vec::new())
+        };
+        assert!(is_known(1.0) && !is_known(2.0), "a metre within the box, and beyond its side");
+    }
+}

@@ -251,3 +251,59 @@ impl WhoSees {
         targets.take_while(|&target| target < self.target_count)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    /// Three cells in a row of a metre each, of which each sees itself. At y = 1 the cells are unknown.
+    struct Row;
+
+    impl SightCells for Row {
+        fn cell_count(&self) -> usize {
+            3
+        }
+
+        fn stamp(&self) -> Stamp {
+            Stamp::NONE
+        }
+
+        fn cells_of(&mut self, reach: &Reach, cells: &mut Vec<u32>) -> bool {
+            assert!(reach.is_proper(), "a reach that is not proper is never asked for");
+            cells.push(reach.min.x as u32);
+            reach.min.y < 1.0
+        }
+
+        fn seen_from(&mut self, reach: &Reach, seen: &mut Bits) -> bool {
+            assert!(reach.is_proper(), "a reach that is not proper is never asked for");
+            seen.insert(reach.min.x as usize);
+            reach.min.y < 1.0
+        }
+    }
+
+    fn at(x: f64, y: f64) -> Reach {
+        Reach::new(DVec3::new(x, y, 0.0), DVec3::new(x, y, 0.0))
+    }
+
+    #[test]
+    fn who_is_unknown_sees_and_is_seen_by_all() {
+        // In a cell each, in a cell beyond the last, at an unknown place, and nowhere.
+        let movers =
+            [at(0.0, 0.0), at(1.0, 0.0), at(2.0, 0.0), at(3.0, 0.0), at(0.0, 1.0), at(f64::NAN, 0.0)];
+        let mut who = WhoSees::new();
+        let observers = [movers[0], movers[1], movers[2], movers[4], movers[5]];
+        // Twice, since cells of targets are kept.
+        for look in 0..2 {
+            who.look(&mut Row, &observers, &movers);
+            let seen = |observer| who.seen_by(observer).collect::<Vec<_>>();
+            let expected = [[0, 3, 4, 5], [1, 3, 4, 5], [2, 3, 4, 5]];
+            assert_eq!([0, 1, 2].map(seen), expected.map(|seen| seen.to_vec()), "look {look}: from cells");
+            for observer in [3, 4, 5, 9] {
+                assert_eq!(seen(observer), [0, 1, 2, 3, 4, 5], "look {look}: an unknown observer {observer}");
+            }
+            assert!(who.sees(0, 0) && !who.sees(0, 1) && !who.sees(2, 0), "look {look}: pairs");
+            assert!(who.sees(5, 0) && who.sees(5, 9) && who.sees(0, 6) && who.sees(0, 64), "unknown pairs");
+        }
+    }
+}

@@ -48,3 +48,37 @@ impl Reach {
         self.min.cmple(self.max).all() && self.margin >= 0.0 && low.is_finite() && high.is_finite()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_box_of_a_reach_holds_the_body_wherever_it_may_be() {
+        // Sums that are rounded inwards to the nearest number.
+        let reach = Reach { margin: 0.1, ..Reach::new(DVec3::splat(0.3), DVec3::splat(0.6)) };
+        let [low, high] = reach.bounds();
+        assert!(
+            low.cmplt(DVec3::splat(0.3 - 0.1)).all() && high.cmpgt(DVec3::splat(0.6 + 0.1)).all(),
+            "{low} to {high}"
+        );
+        let still = Reach::new(DVec3::ZERO, DVec3::ONE).bounds();
+        assert!(still[0].x < 0.0 && still[1].x > 1.0 && still[1].x < 1.0 + 1e-15, "{still:?}");
+        let at = Reach::new(DVec3::ZERO, DVec3::ONE);
+        assert_eq!(at.within(0.5, 6.0).margin, 3.0, "half a second");
+        assert_eq!([at.within(-0.5, 6.0).margin, at.within(0.0, 6.0).margin], [0.0; 2], "no time");
+    }
+
+    #[test]
+    fn reaches_are_proper_or_not() {
+        let of = |min: f64, max: f64, margin: f64| {
+            Reach { margin, ..Reach::new(DVec3::new(0.0, min, 0.0), DVec3::new(1.0, max, 1.0)) }.is_proper()
+        };
+        assert!(of(0.0, 1.0, 0.0) && of(1.0, 1.0, 2.0), "a box, and a flat one");
+        assert!(!of(1.5, 1.0, 2.0) && !of(0.0, 1.0, -0.1), "an inverted box and a negative margin");
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert!(!of(bad, 1.0, 0.0) && !of(0.0, bad, 0.0) && !of(0.0, 1.0, bad), "a number of {bad}");
+        }
+        assert!(!of(-f64::MAX, 1.0, 1e300) && !of(0.0, f64::MAX, 1e300), "a box that overflows");
+    }
+}

@@ -121,3 +121,80 @@ impl Tree {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::DrawRange;
+    use crate::{Aabb, Object, ObjectId, Scene};
+    use glam::Vec3;
+
+    /// Returns a scene with a parent that is drawn from 100 m on, in a box of 10 m at `at`, and a child that
+    /// reaches out of it by `out` on each axis.
+    fn family(at: f32, out: f32) -> (Scene, [ObjectId; 2]) {
+        let mut scene = Scene::new();
+        let [low, high] = [Vec3::splat(at), Vec3::splat(at + 10.0)];
+        let parent = scene.insert(Object::new(Aabb::new(low, high)));
+        let child = scene.insert(Object::new(Aabb::new(low + 1.0, high + out)));
+        scene.set_draw_range(parent, DrawRange { begin: 100.0, ..DrawRange::ALWAYS }).unwrap();
+        scene.set_hlod_parent(child, Some(parent)).unwrap();
+        (scene, [parent, child])
+    }
+
+    #[test]
+    fn a_parent_stands_in_for_children_that_it_holds_and_shows() {
+        let (mut scene, [parent, child]) = family(0.0, 0.0);
+        let stands_in = |scene: &Scene| {
+            let [above, own] = [parent, child].map(|id| scene.tree().slots[id.index()]);
+            assert!(scene.tree().substitute(above).is_none(), "a parent has no parent");
+            scene.tree().substitute(own).map(|slot| slot == above)
+        };
+        assert_eq!(stands_in(&scene), Some(true), "a parent around its child");
+        scene.set_layers(parent, 5).unwrap();
+        assert_eq!(stands_in(&scene), None, "a parent on fewer layers");
+        scene.set_layers(child, 4).unwrap();
+        assert_eq!(stands_in(&scene), Some(true), "a child on fewer layers");
+        scene.set_never_cull(parent, true).unwrap();
+        assert_eq!(stands_in(&scene), None, "a parent that is never culled");
+        scene.set_never_cull(parent, false).unwrap();
+        assert_eq!(stands_in(&scene), Some(true), "a parent that is culled again");
+        scene.set_bounds(child, Aabb::from_arrays([0.0; 3], [10.1; 3])).unwrap();
+        assert_eq!(stands_in(&scene), None, "a child that reaches out of its parent");
+    }
+
+    /// A child is drawn up to the distance at which its parent begins, and is farther away than its parent by
+    /// the parent's diagonal, and by what the child may reach out of the parent's box.
+    #[test]
+    fn children_are_drawn_up_to_the_begin_of_their_parent() {
+        for at in [0.0, 1e6] {
+            let (mut scene, [parent, child]) = family(at, 0.0);
+            let slack = slack(&scene.bounds(parent).unwrap()).as_dvec3().length();
+            assert!(at == 0.0 || slack > 6.0, "a slack of {slack} m");
+            let end = |scene: &Scene| f64::from(scene.tree().draw_end(scene.tree().slots[child.index()]));
+            let farther = 300f64.sqrt() + slack;
+            let up_to = |begin: f64, end: f64| {
+                let exact = begin + farther;
+                assert!(end >= exact && end < exact + 0.01, "{end} m, at least {exact} m, at {at}");
+            };
+            up_to(100.0, end(&scene));
+            scene.set_draw_range(child, DrawRange { end: 50.0, ..DrawRange::ALWAYS }).unwrap();
+            up_to(50.0, end(&scene));
+            scene.set_hlod_parent(child, None).unwrap();
+            assert_eq!(end(&scene), 50.0, "the child's own end, without a parent");
+        }
+    }
+
+    /// Leaves of objects that are never culled are no inner nodes, whatever indices their objects have.
+    #[test]
+    fn leaves_of_unculled_objects_are_measured_by_their_objects() {
+        let mut scene = Scene::new();
+        let ids = scene.insert_batch([Aabb::from_arrays([0.0; 3], [1.0; 3]); 500]);
+        let last = ids[499];
+        scene.set_never_cull(last, true).unwrap();
+        scene.set_draw_range(last, DrawRange { end: 7.0, ..DrawRange::ALWAYS }).unwrap();
+        let leaf = scene.tree().slots[last.index()].node();
+        let measured = scene.tree().measured(leaf);
+        assert_eq!(measured.end, 7.0, "the only object of the leaf");
+        assert!((measured.diagonal_squared - 3.0).abs() < 1e-6, "{measured:?}");
+    }
+}
