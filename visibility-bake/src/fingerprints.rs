@@ -8,7 +8,7 @@ use visibility_core::pvs::{Viewcell, Viewcells};
 
 /// Version of the baking methods, a part of the hash of each viewcell's input. It is increased with each
 /// change of the methods, so that results of earlier methods are not taken from a cache.
-pub(crate) const METHODS: u32 = 14;
+pub(crate) const METHODS: u32 = 15;
 
 /// Returns a hash of the input of a bake: the level, all viewcells and the settings. Time is linear in the
 /// numbers of triangles and viewcells.

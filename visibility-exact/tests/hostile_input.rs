@@ -7,7 +7,7 @@ use std::sync::Arc;
 use visibility_core::glam::{DVec3, Vec3};
 use visibility_core::pvs::Viewcell;
 use visibility_core::{Aabb, Accuracy, Object, Pose, RegionCuller, Scene, View, VisibleSet, geometry::Plane};
-use visibility_exact::{Effort, ExactCuller, ExactSettings, SceneTriangles, Verdict};
+use visibility_exact::{DynamicCell, Effort, ExactCuller, ExactSettings, SceneTriangles, Verdict};
 use visibility_testing::Random;
 
 fn all(scene: &Scene) -> VisibleSet {
@@ -241,6 +241,34 @@ fn what_is_not_known_stays() {
         culler.cull(&changed, &unit_cell(), &mut visible);
         assert_eq!(visible.count(&changed), changed.len(), "a clone");
         changed.set_occluder(hidden, false).unwrap();
+    }
+}
+
+/// A mover whose bounds are not reported is elsewhere than behind the wall where its triangles are.
+#[test]
+fn what_is_never_culled_is_left_open() {
+    let mut scene = scene(&wall_and_plate());
+    let [wall, plate] = [0, 1].map(|index| scene.id_at(index).unwrap());
+    let unbounded = Aabb { max: Vec3::INFINITY, ..scene.bounds(plate).unwrap() };
+    let mut triangles = SceneTriangles::new(&scene);
+    let mut kept = DynamicCell::new(unit_cell(), ExactSettings::new(Effort::Exact(0.0)));
+    for (what, never_cull, bounds, reported) in [
+        ("a plate behind a wall", false, scene.bounds(plate).unwrap(), vec![wall]),
+        ("a plate that is never culled", true, scene.bounds(plate).unwrap(), vec![wall, plate]),
+        ("a plate that is culled again", false, scene.bounds(plate).unwrap(), vec![wall]),
+        ("a plate of unknown bounds", false, unbounded, vec![wall, plate]),
+    ] {
+        scene.set_never_cull(plate, never_cull).unwrap();
+        scene.set_bounds(plate, bounds).unwrap();
+        triangles.sync(&scene);
+        kept.update(&triangles, &|| false);
+        assert_eq!(kept.reported().collect::<Vec<_>>(), reported, "{what}, after a change");
+        let fresh = SceneTriangles::new(&scene);
+        let verdicts = ExactCuller::new(Arc::new(fresh.clone()), ExactSettings::new(Effort::Exact(0.0)))
+            .verdicts(&unit_cell());
+        let hidden = |(id, verdict)| (verdict == Verdict::Hidden).then_some(id);
+        let expected = if reported.contains(&plate) { vec![] } else { vec![plate] };
+        assert_eq!(verdicts.iter(&fresh).filter_map(hidden).collect::<Vec<_>>(), expected, "{what}, anew");
     }
 }
 

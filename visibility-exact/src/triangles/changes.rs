@@ -4,7 +4,7 @@
 
 use super::log::Change;
 use super::welding::{Welding, edge_key, vertex_key};
-use super::{Piece, SceneTriangles, TargetObject, TriangleFacts, greatest, is_out_of_range, target_box};
+use super::{Piece, SceneTriangles, TargetObject, TriangleFacts, greatest, is_left_open, target_box};
 use crate::triangle_tree::TriangleTree;
 use alloc::collections::BTreeSet;
 use alloc::{boxed::Box, vec, vec::Vec};
@@ -123,7 +123,7 @@ impl SceneTriangles {
         let known = welding.place_of.get(index).copied().filter(|&place| place != u32::MAX);
         let (mut facts, mut now) = (Vec::new(), None);
         if let Some((id, object, triangles)) = present {
-            let is_open = is_out_of_range(&object, triangles);
+            let is_open = is_left_open(&object, triangles);
             let used = triangles.iter().filter(|_| !is_open);
             facts.extend(used.map(|triangle| TriangleFacts::new(&object, triangle)));
             let occludes = facts.iter().any(|facts| facts.occludes);

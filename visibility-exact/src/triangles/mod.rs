@@ -29,7 +29,8 @@ use welding::{Welding, edge_key, vertex_key};
 /// that is not finite counts as visible from everywhere and does not occlude. An object without triangles is
 /// represented by its bounding box and does not occlude. Triangles of
 /// [one-sided](visibility_core::Object::one_sided) objects occlude only for viewpoints in front of them, and
-/// are seen only from there.
+/// are seen only from there. An object that is [never culled](visibility_core::Object::is_unculled) counts as
+/// visible from everywhere, since it may be elsewhere than its triangles and its bounds.
 ///
 /// Vertices with equal coordinates are welded, also across objects. Takes about 150 bytes for each triangle.
 /// Building takes O(n log n). [`sync`](Self::sync) takes in what has changed in the scene since, in time that
@@ -107,8 +108,8 @@ pub(crate) struct TargetObject {
     /// Exclusive end of the range of triangles that begins at `first` and that the object may fill: at least
     /// `end`.
     room_end: u32,
-    /// Whether the object has a coordinate that is not finite or beyond [`LIMIT`], or has been removed. Such
-    /// an object counts as visible.
+    /// Whether the object is never culled, has a coordinate that is not finite or beyond [`LIMIT`], or has
+    /// been removed. Such an object counts as visible.
     pub(crate) is_open: bool,
     /// Whether the object has been removed from the scene.
     pub(crate) is_removed: bool,
@@ -140,11 +141,13 @@ impl TriangleFacts {
     }
 }
 
-/// Returns whether an object has a coordinate that is not finite or beyond [`LIMIT`].
-fn is_out_of_range(object: &Object, triangles: Triangles<'_>) -> bool {
+/// Returns whether an object counts as visible from everywhere: it is never culled, and so may be elsewhere
+/// than its triangles, or it has a coordinate that is not finite or beyond [`LIMIT`].
+fn is_left_open(object: &Object, triangles: Triangles<'_>) -> bool {
     let usable = |p: Vec3| p.is_finite() && p.abs().max_element() <= LIMIT as f32;
     let bounds = object.bounds;
-    triangles.iter().flatten().any(|p| !usable(p))
+    object.is_unculled()
+        || triangles.iter().flatten().any(|p| !usable(p))
         || (triangles.is_empty() && !(bounds.is_proper() && usable(bounds.min) && usable(bounds.max)))
 }
 
@@ -232,7 +235,7 @@ impl SceneTriangles {
         let (Some((object, _)), Ok(triangles)) = (level_object(scene, id), scene.triangles(id)) else {
             return;
         };
-        let is_open = is_out_of_range(&object, triangles);
+        let is_open = is_left_open(&object, triangles);
         let first = self.corners.len() as u32;
         let [min, max] = target_box(scene, id, triangles);
         for triangle in triangles.iter().filter(|_| !is_open) {
