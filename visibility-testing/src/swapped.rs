@@ -42,8 +42,8 @@ pub trait Swapped {
         self.make(source)
     }
 
-    /// Gives objects what the culler asks of a scene and the harness does not set, such as draw ranges. Called
-    /// for each new scene, and for a scene after changes. Does nothing by default.
+    /// Gives objects what the culler asks of a scene and the harness does not set, such as draw ranges.
+    /// Called for each new scene, and for a scene after changes. Does nothing by default.
     fn prepare(&self, _: &mut Scene) {}
 
     /// Returns whether a culler that was just given its source must answer like a fresh culler, whatever

@@ -648,8 +648,8 @@ mod tests {
     /// nearest vertex that no cut affects.
     #[test]
     fn bent_outlines_count_where_they_are_cut() {
-        // A wall along which the eye looks: vertices at 14 m, others beside and behind the eye. It is cut at a
-        // `w` of twice the near plane's distance.
+        // A wall along which the eye looks: vertices at 14 m, others beside and behind the eye. It is cut at
+        // a `w` of twice the near plane's distance.
         let along: Vec<_> = wall(0.1).iter().map(|t| t.map(|p| Vec3::new(p.x - 7.75, p.y, p.z))).collect();
         let pose = Pose::look_at(DVec3::ZERO, DVec3::Y, DVec3::Z);
         let view = View::perspective(pose, 2.0, 2.0, NEAR, 900.0).unwrap();

@@ -173,8 +173,8 @@ pub(crate) struct Tree {
 pub(crate) type Program = PathBuf;
 
 impl Tree {
-    /// Copies the files that git knows to `copy`, without those that are equal there already. `package` is the
-    /// crate whose tests are run, `programs` chooses some of them.
+    /// Copies the files that git knows to `copy`, without those that are equal there already. `package` is
+    /// the crate whose tests are run, `programs` chooses some of them.
     pub(crate) fn new(
         root: &Path,
         copy: PathBuf,
