@@ -314,8 +314,8 @@ mod tests {
             ),
         ];
         assert_eq!(texts, expected, "texts with switches");
-        let of_other = Mutant { file: "other/src/f.rs".to_owned(), ..mutants[0].clone() };
-        let found: Vec<_> = packages("tested", &[of_other], &[0]).into_iter().collect();
+        let of_other = [Mutant { file: "other/src/f.rs".to_owned(), ..mutants[0].clone() }];
+        let found: Vec<_> = packages("tested", &of_other, &[0]).into_iter().collect();
         assert_eq!(found, ["other", "tested"], "crates to be mutated");
         assert_eq!(batches(&[3; 1000]).len(), 2, "batches of a thousand mutants");
         Ok(())
