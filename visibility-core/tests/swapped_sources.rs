@@ -7,7 +7,7 @@ use visibility_core::{
     Aabb, OcclusionCuller, Scene,
     pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, Viewcells},
     scene::SceneCursor,
-    walk::{BoxHierarchy, Child, SceneHierarchy},
+    walk::{BoxHierarchy, Child},
 };
 use visibility_testing::swapped::{Swapped, hold_against_fresh};
 use visibility_testing::{Octree, PlainMap, Random, judged, told_enough};
@@ -41,15 +41,13 @@ impl Swapped for Sets {
     }
 }
 
-/// The occlusion driver over a plain depth map. Objects that remain with all occluders drawn must not be
-/// hidden.
-struct Occlusion;
+/// Work limit of a frame at which the search for occluders ends before it has come to all walls of the
+/// harness: they are ten boxes, and half of the work is kept for tests.
+const SCARCE_WORK: u32 = 100;
 
-impl Occlusion {
-    fn with_price(price: u32) -> OcclusionCuller<PlainMap, SceneHierarchy> {
-        OcclusionCuller::new(PlainMap::new(18, 12)).with_price(price)
-    }
-}
+/// The occlusion driver over a plain depth map, with a limit on the work of a frame. Objects that remain with
+/// all occluders drawn must not be hidden.
+struct Occlusion(u32);
 
 impl Swapped for Occlusion {
     type Culler = OcclusionCuller<PlainMap>;
@@ -58,13 +56,13 @@ impl Swapped for Occlusion {
     fn derive(&self, _: &Scene, _: &mut Random) {}
 
     fn make(&self, (): &()) -> Self::Culler {
-        Self::with_price(24)
+        OcclusionCuller::new(PlainMap::new(18, 12)).with_work_limit(self.0)
     }
 
     fn give(&self, _: &mut Self::Culler, (): &(), _: &Scene) {}
 
     fn truth(&self, (): &()) -> Self::Culler {
-        Self::with_price(u32::MAX)
+        OcclusionCuller::new(PlainMap::new(18, 12)).with_price(u32::MAX)
     }
 }
 
@@ -80,7 +78,8 @@ impl BoxHierarchy for DatedOctree {
     }
 }
 
-struct ForeignHierarchy;
+/// The driver over another hierarchy, with a limit on the work of a frame.
+struct ForeignHierarchy(u32);
 
 impl Swapped for ForeignHierarchy {
     type Culler = OcclusionCuller<PlainMap, DatedOctree>;
@@ -91,7 +90,7 @@ impl Swapped for ForeignHierarchy {
     }
 
     fn make(&self, octree: &DatedOctree) -> Self::Culler {
-        OcclusionCuller::over(PlainMap::new(18, 12), octree.clone())
+        OcclusionCuller::over(PlainMap::new(18, 12), octree.clone()).with_work_limit(self.0)
     }
 
     fn give(&self, culler: &mut Self::Culler, octree: &DatedOctree, _: &Scene) {
@@ -112,10 +111,12 @@ fn pvs() {
 
 #[test]
 fn occlusion() {
-    hold(&Occlusion, 300);
+    hold(&Occlusion(u32::MAX), 150);
+    hold(&Occlusion(SCARCE_WORK), 150);
 }
 
 #[test]
 fn occlusion_over_another_hierarchy() {
-    hold(&ForeignHierarchy, 100);
+    hold(&ForeignHierarchy(u32::MAX), 50);
+    hold(&ForeignHierarchy(SCARCE_WORK), 50);
 }

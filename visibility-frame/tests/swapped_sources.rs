@@ -9,19 +9,27 @@ use visibility_frame::lod::ContributionCuller;
 use visibility_testing::swapped::{Swapped, hold_against_fresh};
 use visibility_testing::{Random, judged, told_enough};
 
+/// Culler of casters with a box of receivers, which is measured relative to the scene's origin at the time.
 struct Casters;
 
 impl Swapped for Casters {
     type Culler = CasterCuller;
-    type Source = ();
+    /// Least and greatest corner of the receivers in world coordinates.
+    type Source = [DVec3; 2];
 
-    fn derive(&self, _: &Scene, _: &mut Random) {}
+    fn derive(&self, _: &Scene, rng: &mut Random) -> [DVec3; 2] {
+        let [a, b] = [rng.vector(8.0), rng.vector(8.0)];
+        [a.min(b), a.max(b)]
+    }
 
-    fn make(&self, (): &()) -> CasterCuller {
+    fn make(&self, _: &[DVec3; 2]) -> CasterCuller {
         CasterCuller::new(Light::Point { position: DVec3::new(3.0, 2.0, 1.0), range: 9.0 }).unwrap()
     }
 
-    fn give(&self, _: &mut CasterCuller, (): &(), _: &Scene) {}
+    fn give(&self, culler: &mut CasterCuller, receivers: &[DVec3; 2], scene: &Scene) {
+        let [min, max] = receivers.map(|corner| (corner - scene.origin()).as_vec3());
+        culler.set_receivers(Aabb::new(min, max), scene.origin());
+    }
 }
 
 struct Backface;
@@ -41,7 +49,8 @@ impl Swapped for Backface {
     }
 }
 
-/// Contribution culler without ranges and parents, whose hysteresis depends on earlier frames (tested below).
+/// Contribution culler of objects with draw ranges. It is reset when it is given its source: then it answers
+/// like a fresh one. In other frames it keeps what a fresh one keeps, and what hysteresis keeps beside that.
 struct Contribution;
 
 impl Swapped for Contribution {
@@ -54,7 +63,21 @@ impl Swapped for Contribution {
         ContributionCuller::new(100.0, 5.0)
     }
 
-    fn give(&self, _: &mut ContributionCuller, (): &(), _: &Scene) {}
+    fn give(&self, culler: &mut ContributionCuller, (): &(), _: &Scene) {
+        culler.reset();
+    }
+
+    fn prepare(&self, scene: &mut Scene) {
+        for id in scene.ids().collect::<Vec<_>>() {
+            // Ranges by index, which a new object takes over from the one before: the bands of 5 % at their
+            // ends hold many of the distances, which are up to 30 m.
+            let begin = [0.0, 8.0, 12.0, 20.0][id.index() % 4];
+            let range = DrawRange { begin, end: begin + 10.0, ..DrawRange::ALWAYS };
+            if scene.draw_range(id).unwrap() != range {
+                scene.set_draw_range(id, range).unwrap();
+            }
+        }
+    }
 }
 
 fn hold<S: Swapped>(kind: &S, frames: usize) {

@@ -42,6 +42,10 @@ pub trait Swapped {
         self.make(source)
     }
 
+    /// Gives objects what the culler asks of a scene and the harness does not set, such as draw ranges.
+    /// Called for each new scene, and for a scene after changes. Does nothing by default.
+    fn prepare(&self, _: &mut Scene) {}
+
     /// Returns whether a culler that was just given its source must answer like a fresh culler, whatever
     /// scenes and sources the culler has seen before. True by default.
     fn is_free_of_memory(&self) -> bool {
@@ -62,6 +66,7 @@ pub trait Swapped {
 pub fn hold_against_fresh<S: Swapped>(kind: &S, seed: u64, frames: usize) -> usize {
     let mut rng = Random(seed);
     let mut scenes: Vec<Scene> = (0..3).map(|_| scene(&mut rng)).collect();
+    scenes.iter_mut().for_each(|scene| kind.prepare(scene));
     scenes.push(scenes[0].clone());
     let mut sources: Vec<S::Source> = scenes.iter().map(|scene| kind.derive(scene, &mut rng)).collect();
     let mut given = sources[0].clone();
@@ -84,6 +89,8 @@ pub fn hold_against_fresh<S: Swapped>(kind: &S, seed: u64, frames: usize) -> usi
             12 => scenes[at].rebuild(),
             _ => {}
         }
+        kind.prepare(&mut scenes[at]);
+        kind.prepare(&mut scenes[other]);
         if rng.one_in(3) {
             at = other;
         }

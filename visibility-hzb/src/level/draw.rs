@@ -644,6 +644,40 @@ mod tests {
         }
     }
 
+    /// How far an outline that is cut may move counts at its nearest point, where it is cut, and not at the
+    /// nearest vertex that no cut affects.
+    #[test]
+    fn bent_outlines_count_where_they_are_cut() {
+        // A wall along which the eye looks: vertices at 14 m, others beside and behind the eye. It is cut at
+        // a `w` of twice the near plane's distance.
+        let along: Vec<_> = wall(0.1).iter().map(|t| t.map(|p| Vec3::new(p.x - 7.75, p.y, p.z))).collect();
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::Y, DVec3::Z);
+        let view = View::perspective(pose, 2.0, 2.0, NEAR, 900.0).unwrap();
+        let level = level(&along, true);
+        let mut frame = frame(&view, &level, Coverage::Conservative);
+        for (w, expected) in [(1.9 * NEAR, true), (2.1 * NEAR, false), (1.0, false), (13.0, false)] {
+            // A point of this `w` moves by just the limit.
+            frame.pixels_per_metre = MAX_BEND_PX * w / (1.25 * level.thickness);
+            assert_eq!(is_drawn(&level, &frame), expected, "the limit of points with a w of {w}");
+        }
+    }
+
+    /// Lanes without a polygon, which stand at the origin of the level, are not drawn where the picture shows
+    /// it or the eye is there, though each area is large enough.
+    #[test]
+    fn lanes_without_a_polygon_are_not_drawn() {
+        let square = |x: f64| parallelogram([DVec3::new(x, -1.0, -1.0), DVec3::Z * 2.0, DVec3::Y * 2.0]);
+        let level = level(&[square(1.0), square(3.0)].concat(), true);
+        assert_eq!(level.level.polygons().len(), 2, "polygons of a square each");
+        for eye in [-9.0, -0.5, 0.0] {
+            let pose = Pose::look_at(DVec3::X * eye, DVec3::X * 9.0, DVec3::Z);
+            let view = View::perspective(pose, 1.0, 2.0, NEAR, 900.0).unwrap();
+            let frame = frame(&view, &level, Coverage::Conservative);
+            let lanes = level.polygons.iter().map(|polygons| worth_drawing(polygons, &frame));
+            assert_eq!(lanes.map(u32::count_ones).sum::<u32>(), 2, "lanes chosen by an eye at {eye}");
+        }
+    }
+
     /// Each of many clusters is a candidate once, and all are drawn.
     #[test]
     fn clusters_are_candidates_once() {

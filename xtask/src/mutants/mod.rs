@@ -10,7 +10,7 @@ pub(crate) mod schemata;
 mod sites;
 
 use run::Fate;
-use schemata::{Mutant, Tree, batches, flat};
+use schemata::{ALL_TESTS, Mutant, Tree, UNIT_TESTS, batches, flat};
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -93,7 +93,8 @@ pub(crate) fn check(root: &Path, arguments: &[String]) -> Result<usize, String> 
     stale.iter().for_each(|line| println!("{SURVIVORS}: no mutant of the line: {line}"));
     let chosen = drawn(mutants.len(), options.sample, options.seed);
     let folder = root.join("target/mutants");
-    let tree = Tree::new(root, folder.join("tree"), &options.package, options.unit_tests)?;
+    let programs = if options.unit_tests { UNIT_TESTS } else { ALL_TESTS };
+    let tree = Tree::new(root, folder.join("tree"), &options.package, programs)?;
     let tests_folder = folder.join("tree").join(&options.package);
     let (mut counts, mut left_out, mut found) = ([0; 4], 0, stale.len());
     let mut left = options.limit;

@@ -6,7 +6,7 @@
 use super::sites::{Site, source_files};
 use crate::crates::papers;
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -150,24 +150,37 @@ fn append(
     result.text += &text[done..range.end];
 }
 
-/// Copy of the workspace in which one crate is mutated.
+/// Choice of the unit tests of a crate.
+pub(crate) const UNIT_TESTS: &[&str] = &["--lib"];
+/// Choice of the program with the tests of the folder `tests` of a crate.
+pub(crate) const INTEGRATION_TESTS: &[&str] = &["--test=main"];
+/// Choice of all programs of tests of a crate.
+pub(crate) const ALL_TESTS: &[&str] = &["--lib", "--tests"];
+
+/// Copy of the workspace in which crates are mutated, and the tests of one are run.
 pub(crate) struct Tree {
     /// The workspace itself.
     root: PathBuf,
     /// Its copy.
     copy: PathBuf,
-    /// Folder of the mutated crate, relative to the root.
+    /// Folder of the crate whose tests are run, relative to the root.
     package: String,
-    /// Whether the tests in the folder `tests` of the crate are left out.
-    unit_tests: bool,
+    /// Arguments by which cargo chooses programs of tests.
+    programs: &'static [&'static str],
 }
 
 /// Program of tests.
 pub(crate) type Program = PathBuf;
 
 impl Tree {
-    /// Copies the files that git knows to `copy`, without those that are equal there already.
-    pub(crate) fn new(root: &Path, copy: PathBuf, package: &str, unit_tests: bool) -> Result<Self, String> {
+    /// Copies the files that git knows to `copy`, without those that are equal there already. `package` is
+    /// the crate whose tests are run, `programs` chooses some of them.
+    pub(crate) fn new(
+        root: &Path,
+        copy: PathBuf,
+        package: &str,
+        programs: &'static [&'static str],
+    ) -> Result<Self, String> {
         let list = Command::new("git").arg("-C").arg(root).arg("ls-files").output();
         let list = list.map_err(|error| format!("git ls-files: {error}"))?.stdout;
         for name in String::from_utf8_lossy(&list).lines() {
@@ -178,7 +191,7 @@ impl Tree {
         for name in source_files(&copy, package)?.iter().filter(|name| !root.join(name).exists()) {
             std::fs::remove_file(copy.join(name)).map_err(|error| format!("{name}: {error}"))?;
         }
-        Ok(Self { root: root.to_owned(), copy, package: package.to_owned(), unit_tests })
+        Ok(Self { root: root.to_owned(), copy, package: package.to_owned(), programs })
     }
 
     /// Compiles the tests of the crate with a batch of mutants. Mutants that do not compile leave the batch.
@@ -207,20 +220,23 @@ impl Tree {
         }
     }
 
-    /// Stores the files of the crate with the mutants of a batch. Returns those with mutants, by name.
+    /// Stores the files of the crate, and of all others that have a mutant of the batch, with these mutants.
+    /// Returns the files by name.
     fn write(&self, mutants: &[Mutant], batch: &[usize]) -> Result<BTreeMap<String, Mutated>, String> {
         let mut result = BTreeMap::new();
-        for file in source_files(&self.root, &self.package)? {
-            let path = self.root.join(&file);
-            let text = std::fs::read_to_string(path).map_err(|error| format!("{file}: {error}"))?;
-            let own: Vec<usize> =
-                batch.iter().copied().filter(|&index| mutants[index].file == file).collect();
-            let mut mutated = mutated(&text, mutants, &own);
-            if file == format!("{}/src/lib.rs", self.package) {
-                mutated.text += SWITCH;
+        for package in packages(&self.package, mutants, batch) {
+            for file in source_files(&self.root, package)? {
+                let path = self.root.join(&file);
+                let text = std::fs::read_to_string(path).map_err(|error| format!("{file}: {error}"))?;
+                let own: Vec<usize> =
+                    batch.iter().copied().filter(|&index| mutants[index].file == file).collect();
+                let mut mutated = mutated(&text, mutants, &own);
+                if file == format!("{package}/src/lib.rs") {
+                    mutated.text += SWITCH;
+                }
+                store(&self.copy.join(&file), mutated.text.as_bytes())?;
+                result.insert(file, mutated);
             }
-            store(&self.copy.join(&file), mutated.text.as_bytes())?;
-            result.insert(file, mutated);
         }
         Ok(result)
     }
@@ -230,8 +246,8 @@ impl Tree {
     fn compile(&self) -> Result<(Vec<Program>, Vec<(String, Range<usize>)>), String> {
         // Code and tests of systems that lose are compiled as well, as `cargo test --workspace` does.
         let output = Command::new("cargo")
-            .args(["test", "--no-run", "--lib", "--locked", "--message-format=json", "-p", &self.package])
-            .args((!self.unit_tests).then_some("--tests"))
+            .args(["test", "--no-run", "--locked", "--message-format=json", "-p", &self.package])
+            .args(self.programs)
             .args(papers(&self.root, std::slice::from_ref(&self.package)))
             .current_dir(&self.copy)
             .env("CARGO_TARGET_DIR", self.copy.with_file_name("target"))
@@ -259,6 +275,12 @@ impl Tree {
     }
 }
 
+/// Returns the folders of a crate and of all crates that have a mutant of a batch, each once.
+fn packages<'a>(tested: &'a str, mutants: &'a [Mutant], batch: &[usize]) -> BTreeSet<&'a str> {
+    let of_batch = batch.iter().filter_map(|&index| mutants[index].file.split('/').next());
+    of_batch.chain([tested]).collect()
+}
+
 /// Stores a file, unless it has these bytes: what is not new is not compiled again.
 fn store(path: &Path, bytes: &[u8]) -> Result<(), String> {
     if std::fs::read(path).is_ok_and(|old| old == bytes) {
@@ -272,7 +294,7 @@ fn store(path: &Path, bytes: &[u8]) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::super::sites::sites;
-    use super::{batches, mutants, mutated};
+    use super::{Mutant, batches, mutants, mutated, packages};
 
     #[test]
     fn mutants_of_a_batch_are_switched() -> Result<(), String> {
@@ -292,6 +314,9 @@ mod tests {
             ),
         ];
         assert_eq!(texts, expected, "texts with switches");
+        let of_other = [Mutant { file: "other/src/f.rs".to_owned(), ..mutants[0].clone() }];
+        let found: Vec<_> = packages("tested", &of_other, &[0]).into_iter().collect();
+        assert_eq!(found, ["other", "tested"], "crates to be mutated");
         assert_eq!(batches(&[3; 1000]).len(), 2, "batches of a thousand mutants");
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use super::oracles::oracles;
 use super::trial::{Trial, run};
-use crate::mutants::schemata::{Mutant, Tree};
+use crate::mutants::schemata::{INTEGRATION_TESTS, Mutant, Tree};
 use crate::test_programs::TestProgram;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -52,7 +52,7 @@ pub(super) fn check(root: &Path, only: &str) -> Result<usize, String> {
     println!("| fault | test | noticed within |\n|---|---|---:|");
     for (package, faults) in by_package {
         let folder = root.join("target/mutants/tree");
-        let tree = Tree::new(root, folder.clone(), &package, false)?;
+        let tree = Tree::new(root, folder.clone(), &package, INTEGRATION_TESTS)?;
         let mutants: Vec<Mutant> = faults.iter().map(|(_, mutant)| mutant.clone()).collect();
         let mut batch: Vec<usize> = (0..mutants.len()).collect();
         let programs = tree.build(&mutants, &mut batch)?;
