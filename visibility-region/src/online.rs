@@ -833,26 +833,32 @@ mod tests {
         }
     }
 
-    /// A wall that is given a mesh after the surfaces of the scene were collected hides nothing from the next
-    /// wide box, which takes it for a mover, and hides from the one after that.
+    /// A wall whose surfaces were collected is moved away by a transform, and back. Each time the next wide
+    /// box takes it for a mover, which hides nothing, and the one after that has it where it is.
     #[test]
-    fn occluders_that_come_later_hide_later() {
+    fn occluders_that_were_moved_hide_where_they_are() {
         use visibility_core::glam::Affine3A;
         use visibility_core::{Object, OccluderMesh};
         let (mut scene, mut online) = (scene(), online(2.0, 3.0, 0.25));
         let bounds = Aabb::from_arrays([-9.0, 5.0, -9.0], [9.0, 5.2, 9.0]);
         let wall = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+        scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
         let post = scene.insert(Aabb::from_arrays([0.0, 8.0, 0.0], [0.1, 8.1, 0.1]));
         let hides = |online: &mut OnlinePvs, scene: &Scene, x: f64| {
             let place = DVec3::X * x;
             finish(online, scene, &[place]);
             online.hidden_from(scene, place, place).unwrap().contains(post.index())
         };
-        assert!(!hides(&mut online, &scene, 0.0), "a wall without a mesh");
-        let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
-        scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
-        assert!(!hides(&mut online, &scene, 3.5), "a wall that has just changed");
-        assert!(hides(&mut online, &scene, -3.5), "a wall that stays");
+        assert!(hides(&mut online, &scene, 0.0), "the wall hides the post");
+        for (up, is_hidden) in [(100.0, false), (0.0, true)] {
+            let moved = Affine3A::from_translation(Vec3::Z * up);
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+            scene.set_bounds(wall, bounds.transformed(&moved)).unwrap();
+            scene.set_mesh(wall, mesh, moved).unwrap();
+            assert!(!hides(&mut online, &scene, 3.5), "a wall that has just changed, {up} m up");
+            assert_eq!(hides(&mut online, &scene, -3.5), is_hidden, "a wall that stays {up} m up");
+        }
     }
 
     /// Of the viewcells that no place needs the 32 used last are kept.

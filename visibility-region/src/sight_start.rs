@@ -113,6 +113,19 @@ mod tests {
         for (end, expected) in [low, high].into_iter().zip(expected) {
             assert!((end - expected).abs().max_element() < 1e-9, "{end} instead of {expected}");
         }
+        // The corners may be off by the error that is told with them.
+        let view_at_zero =
+            View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 1.0, 1.0, 0.5, 9.0);
+        let view_at_zero = view_at_zero.unwrap();
+        let (low, high) = sight_start(&view_at_zero, DVec3::ZERO).unwrap();
+        let known = view_at_zero.for_each_sight_start(DVec3::ZERO, |corners, error| {
+            let is_in = |p: &DVec3| low.cmple(*p - error).all() && high.cmpge(*p + error).all();
+            assert!(
+                error > 1e-14 && corners.iter().all(is_in),
+                "{corners:?}, off by {error}: {low} to {high}"
+            );
+        });
+        assert!(known, "starts of an ordinary view");
         let through_eye = Plane::new(DVec3::Y, -eye.y);
         let view = view.with_clip_planes(&[through_eye]);
         assert_eq!(view.ok().and_then(|view| sight_start(&view, eye)), None, "a clip plane through the eye");
