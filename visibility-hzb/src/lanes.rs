@@ -91,3 +91,27 @@ pub(crate) fn all_above(values: &[f32], limit: f32) -> bool {
     }
     all
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{all_above, any_below};
+
+    /// A number at the limit is on neither side of it, in whichever lane it is.
+    #[test]
+    fn numbers_at_the_limit_are_on_neither_side() {
+        for count in 1..40 {
+            for at in 0..count {
+                let with = |other: f32| {
+                    let mut values = [2.0; 40];
+                    values[at] = other;
+                    (any_below(&values[..count], 2.0), all_above(&values[..count], 1.0))
+                };
+                assert_eq!(with(2.0), (false, true), "{count} numbers, all at the limit");
+                assert_eq!(with(2.0f32.next_down()), (true, true), "lane {at} of {count} is below");
+                assert_eq!(with(1.0), (true, false), "lane {at} of {count} is not above");
+                assert_eq!(with(f32::NAN), (false, false), "lane {at} of {count} is no number");
+            }
+        }
+        assert!(!any_below(&[], 1.0) && all_above(&[], 1.0), "no numbers");
+    }
+}

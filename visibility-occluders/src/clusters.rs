@@ -36,3 +36,38 @@ pub(crate) fn divide(items: &mut [Item], max_edges: usize, first: usize, each: &
     divide(low, max_edges, first, each);
     divide(high, max_edges, first + half, each);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec::Vec;
+    use visibility_testing::Random;
+
+    /// Each cluster has at most as many edges as allowed, or one polygon. What has no more is not divided.
+    #[test]
+    fn clusters_have_few_edges_or_one_polygon() {
+        let mut random = Random(1);
+        for round in 0..200 {
+            let mut items: Vec<Item> = (0..random.below(12) as u32)
+                .map(|polygon| Item { polygon, middle: random.vector(9.0), edges: 1 + random.below(9) })
+                .collect();
+            let all: usize = items.iter().map(|item| item.edges).sum();
+            let most = if round % 2 == 0 { all } else { random.below(20) };
+            let mut ranges = Vec::new();
+            divide(&mut items, most, 5, &mut |range| ranges.push(range));
+            let mut next = 5;
+            for &[first, end] in &ranges {
+                let own = &items[first - 5..end - 5];
+                let edges: usize = own.iter().map(|item| item.edges).sum();
+                assert!(!own.is_empty() && first == next, "round {round}: {ranges:?}");
+                assert!(edges <= most || own.len() == 1, "round {round}: {edges} edges of {most}");
+                next = end;
+            }
+            assert_eq!(next, 5 + items.len(), "round {round}: the end of {ranges:?}");
+            assert!(all > most || ranges.len() <= 1, "round {round}: {all} edges of {most} are divided");
+            let mut polygons: Vec<u32> = items.iter().map(|item| item.polygon).collect();
+            polygons.sort_unstable();
+            assert!(polygons.into_iter().eq(0..items.len() as u32), "round {round}: polygons are missing");
+        }
+    }
+}

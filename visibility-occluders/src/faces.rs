@@ -143,3 +143,31 @@ impl Faces {
         sides
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of triangles with the same vertices the first stays. It has two sides if one of them has, or if they
+    /// face both ways.
+    #[test]
+    fn of_copies_the_first_stays() {
+        let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let other = LevelTriangle { corners: [a, c, Vec3::Z], two_sided: false };
+        for (copy, of_copy, two_sided) in [
+            ([a, b, c], false, false),
+            ([a, b, c], true, true),
+            ([b, c, a], true, true),
+            ([c, a, b], false, false),
+            ([b, a, c], false, true),
+            ([c, b, a], true, true),
+        ] {
+            let first = LevelTriangle { corners: [b, c, a], two_sided: false };
+            let copy = LevelTriangle { corners: copy, two_sided: of_copy };
+            let faces = Faces::weld(&[first, other, copy]);
+            let corners = |face: &Face| [0, 1, 2].map(|k| faces.vertices[face.triangle[k] as usize]);
+            let found: Vec<_> = faces.faces.iter().map(|face| (corners(face), face.two_sided)).collect();
+            assert_eq!(found, [([b, c, a], two_sided), (other.corners, false)], "with {copy:?}");
+        }
+    }
+}

@@ -406,3 +406,118 @@ fn leave_out_smallest(regions: &mut Vec<&Region>, share: f64) -> f64 {
     regions.truncate(count);
     (all - kept).max(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::regions::Member;
+    use visibility_testing::{Random, sign_of_sum};
+
+    #[test]
+    fn settings_are_kept_unless_they_are_negative() {
+        let settings = LevelSettings::default();
+        // Four times 2^-23.
+        assert_eq!(settings.flatness, 4.76837158203125e-7, "the flatness by default");
+        for (given, kept) in [(0.5, 0.5), (-0.5, 0.0), (f64::NAN, 0.0)] {
+            assert_eq!(settings.with_flatness(given).flatness, kept, "a flatness of {given}");
+            assert_eq!(settings.with_bulge(given).bulge, kept, "a bulge of {given}");
+        }
+    }
+
+    /// No vertex of a polygon's faces is beyond its extent, exactly, though rounding moves the coordinate of
+    /// each along the normal. Here one product outweighs the others and is just above a power of two, where
+    /// roundings are as large as they can be beside the number.
+    #[test]
+    fn extents_hold_the_vertices_exactly() {
+        let (mut random, mut beyond) = (Random(4), 0);
+        for round in 0..20_000 {
+            let power = f64::from(random.between(-9, 9)).exp2();
+            let mut corner = || {
+                let x = (power * random.range(1.0, 1.02)) as f32;
+                Vec3::new(x, random.unit() as f32 * 1e-6 * x, random.unit() as f32 * 1e-6 * x)
+            };
+            let corners = [corner(), corner(), corner()];
+            let faces = Faces::weld(&[LevelTriangle { corners, two_sided: true }]);
+            let normal = DVec3::new(1.0, random.range(0.0, 1e-3), random.range(0.0, 1e-3)).normalize();
+            let members = [0, 1];
+            let (extent, area, min_cosine) = ([0.0; 2], 0.0, 1.0);
+            let mut region = Region { members, normal, extent, area, min_cosine, two_sided: true };
+            region.measure(&faces, &[Member { face: 0, turned: false }]);
+            let mut level = LevelOccluders::default();
+            let most = corners.iter().fold(Vec3::ZERO, |most, p| most.max(p.abs()));
+            level.push_cluster(&faces, [(&region, &[[0, 1]][..])].into_iter(), most.as_dvec3());
+            let [low, high] = level.polygons[0].extent;
+            for p in corners.map(|p| p.as_dvec3()) {
+                let sign =
+                    |to: f64| sign_of_sum([(normal.x, p.x), (normal.y, p.y), (normal.z, p.z), (-1.0, to)]);
+                assert!(sign(low) >= 0 && sign(high) <= 0, "round {round}: {p} is beyond {low} to {high}");
+                let [low, high] = region.extent;
+                beyond += usize::from(sign(low) < 0 || sign(high) > 0);
+            }
+        }
+        assert!(beyond > 10_000, "{beyond} vertices are beyond the extent without a margin");
+    }
+
+    /// Flatness is a share of the greatest coordinate of all triangles.
+    #[test]
+    fn flatness_grows_with_the_greatest_coordinate() {
+        let [a, b, c, d] =
+            [[0.0; 3], [4.0, 0.0, 0.0], [2.0, 4.0, 0.0], [2.0, -3.0, 0.3]].map(Vec3::from_array);
+        let far = [Vec3::X * 90.0, Vec3::X * 100.0, Vec3::new(95.0, 1.0, 1.0)];
+        let triangles = [[a, b, c], [b, a, d], far].map(|corners| LevelTriangle { corners, two_sided: true });
+        for (flatness, expected) in [(0.004, 2), (0.002, 3)] {
+            let settings = LevelSettings::default().with_flatness(flatness).with_bulge(0.0);
+            let level = LevelOccluders::new(&triangles, settings.with_kept_area(1.0)).unwrap();
+            assert_eq!(level.report.polygons, expected, "polygons with a flatness of {flatness}");
+        }
+    }
+
+    #[test]
+    fn levels_are_made_of_drawn_occluders_that_stand_still() {
+        let mut scene = Scene::new();
+        let bounds = Aabb::new(Vec3::ZERO, Vec3::ONE);
+        let hiding = Object { occluder: true, ..Object::new(bounds) };
+        let all = [
+            hiding,
+            hiding,
+            Object { occluder: false, ..hiding },
+            Object { see_through: true, ..hiding },
+            Object { layers: 0, ..hiding },
+        ];
+        let ids = all.map(|object| {
+            let id = scene.insert(object);
+            scene.set_triangles(id, [[Vec3::ZERO, Vec3::X, Vec3::Y]]).unwrap();
+            id
+        });
+        let of = |moving: Option<ObjectId>| {
+            let level = LevelOccluders::of_scene(&scene, |id| Some(id) != moving, LevelSettings::default());
+            level.unwrap().objects
+        };
+        assert_eq!(of(None), ids[..2], "objects that hide");
+        assert_eq!(of(Some(ids[0])), ids[1..2], "objects that stand still");
+        let hashes = [&ids[..1], &ids[1..2], &ids[..2]].map(hash_of);
+        assert!(hashes[0] > 1 && hashes[0] != hashes[1] && hashes[1] != hashes[2], "hashes {hashes:?}");
+    }
+
+    /// The largest regions are kept until they have their share of the area, and no more.
+    #[test]
+    fn the_largest_regions_have_the_area_asked_for() {
+        let region = |area: f64| Region {
+            members: [0; 2],
+            normal: DVec3::X,
+            extent: [0.0; 2],
+            area,
+            min_cosine: 1.0,
+            two_sided: true,
+        };
+        let all = [2.0, 4.0, 1.0, 1.0].map(region);
+        for (share, kept, left_out) in
+            [(0.0, 0, 8.0), (0.5, 1, 4.0), (0.75, 2, 2.0), (0.8, 3, 1.0), (1.0, 4, 0.0)]
+        {
+            let mut regions: Vec<&Region> = all.iter().collect();
+            let area = leave_out_smallest(&mut regions, share);
+            assert_eq!((regions.len(), area), (kept, left_out), "kept and left out with a share of {share}");
+            assert!(regions.is_sorted_by(|a, b| a.area >= b.area), "regions with a share of {share}");
+        }
+    }
+}

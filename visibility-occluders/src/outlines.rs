@@ -104,7 +104,7 @@ pub(crate) fn straighten(vertices: &[Vec3], outlines: &mut [Vec<OutlineEdge>]) -
             };
             let [a, b] = neighbours(&passages[seed]);
             let [from, to, middle] = [a, b, vertex].map(|vertex| vertices[vertex as usize]);
-            if a == b || !is_between(from, to, middle) {
+            if !is_between(from, to, middle) {
                 continue;
             }
             joined.clear();
@@ -160,6 +160,7 @@ pub(crate) fn straighten(vertices: &[Vec3], outlines: &mut [Vec<OutlineEdge>]) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::faces::LevelTriangle;
 
     #[test]
     fn an_edge_that_was_straightened_is_still_known_where_its_outline_passes_twice() {
@@ -167,13 +168,71 @@ mod tests {
         // the third again with another loop. The other outline runs back along all four.
         let at = [[0, 0], [1, 0], [2, 0], [3, 0], [2, 1], [0, 1], [1, 2], [3, 2], [2, -3]];
         let vertices = at.map(|[x, y]| Vec3::new(x as f32, y as f32, 0.0));
-        let mut outlines = [
+        let outlines = [
             alloc::vec![[0, 1], [1, 2], [2, 4], [4, 5], [5, 0], [2, 6], [6, 7], [7, 2]],
             alloc::vec![[3, 2], [2, 1], [1, 0], [0, 8], [8, 3]],
         ];
-        assert_eq!(straighten(&vertices, &mut outlines), 2, "the second vertex goes, in both outlines");
-        assert!(outlines[0].contains(&[0, 2]), "the first outline turns off at the third vertex");
-        assert!(outlines[1].contains(&[2, 0]), "the second outline shares the edge up to the third vertex");
+        // Both ways round: the edge that both have leads to the neighbour before or to the one behind.
+        for turned in [false, true] {
+            let directed = |[a, b]: OutlineEdge| if turned { [b, a] } else { [a, b] };
+            let mut outlines = outlines.clone().map(|outline| outline.into_iter().map(directed).collect());
+            assert_eq!(straighten(&vertices, &mut outlines), 2, "the second vertex goes, in both outlines");
+            let [first, second]: &[Vec<OutlineEdge>; 2] = &outlines;
+            assert!(first.contains(&directed([0, 2])), "the first outline turns off at the third vertex");
+            let shared = directed([2, 0]);
+            assert!(second.contains(&shared), "the second outline shares the edge up to the third vertex");
+        }
+    }
+
+    /// A region of two faces that share an edge, one of which is turned, and a face twice as large on top.
+    #[test]
+    fn outlines_are_sides_that_do_not_cancel_out() {
+        let at = [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[x, y]| Vec3::new(x as f32, y as f32, 0.0));
+        let face = |corners: [usize; 3]| LevelTriangle { corners: corners.map(|i| at[i]), two_sided: true };
+        let faces = Faces::weld(&[face([0, 1, 2]), face([0, 3, 2]), face([1, 2, 3])]);
+        let number =
+            |[x, y]: [f32; 2]| faces.vertices.iter().position(|v| [v.x, v.y] == [x, y]).unwrap() as u32;
+        let [a, b, c, d] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(number);
+        let members = [(0, false), (1, true), (2, false)];
+        let members = members.map(|(face, turned)| crate::regions::Member { face, turned }).to_vec();
+        let regions = Regions { members, ..Regions::default() };
+        let outline_of = |members: [u32; 2]| {
+            let region = Region {
+                members,
+                normal: visibility_core::glam::DVec3::Z,
+                extent: [0.0; 2],
+                area: 1.0,
+                min_cosine: 1.0,
+                two_sided: true,
+            };
+            let mut edges = outline(&faces, &regions, &region);
+            edges.sort_unstable();
+            edges
+        };
+        let mut square = [[a, b], [b, c], [c, d], [d, a]];
+        square.sort_unstable();
+        assert_eq!(outline_of([0, 2]), square, "two halves of a square");
+        let mut all = [[a, b], [b, c], [b, c], [c, d], [c, d], [d, a], [d, b]];
+        all.sort_unstable();
+        assert_eq!(outline_of([0, 3]), all, "sides that two faces have in one direction are there twice");
+    }
+
+    /// Outlines that pass a vertex in a straight line, up to 64 of them. A vertex that an outline passes
+    /// twice, and which is the last of all, stays.
+    #[test]
+    fn vertices_that_up_to_64_outlines_pass_are_removed() {
+        for (count, expected) in [(64, 64), (65, 0)] {
+            let mut vertices = alloc::vec![Vec3::ZERO, Vec3::X, Vec3::X * 2.0];
+            let mut outlines = Vec::new();
+            for i in 0..count {
+                vertices.push(Vec3::new(i as f32, (i * i) as f32 + 1.0, 1.0));
+                outlines.push(alloc::vec![[0, 1], [1, 2], [2, 3 + i], [3 + i, 0]]);
+            }
+            assert_eq!(straighten(&vertices, &mut outlines), expected, "vertices of {count} outlines");
+        }
+        let at = [[0, 0], [1, 1], [2, 2], [0, 2], [1, 1]].map(|[x, y]| Vec3::new(x as f32, y as f32, 0.0));
+        let mut twice = [alloc::vec![[0, 4], [4, 2], [2, 3], [3, 4], [4, 1], [1, 0]]];
+        assert_eq!(straighten(&at, &mut twice), 0, "a vertex that an outline passes twice");
     }
 
     #[test]

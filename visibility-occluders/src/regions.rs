@@ -198,6 +198,94 @@ mod tests {
     use visibility_core::glam::Vec3;
     use visibility_testing::steps_of;
 
+    /// Returns the regions of triangles, sorted by edge.
+    fn found(triangles: &[([[f32; 3]; 3], bool)], flatness: f64, bulge: f64) -> (Faces, Regions) {
+        let triangle = |&(corners, two_sided): &([[f32; 3]; 3], bool)| LevelTriangle {
+            corners: corners.map(Vec3::from_array),
+            two_sided,
+        };
+        let faces = Faces::weld(&triangles.iter().map(triangle).collect::<Vec<_>>());
+        let regions = Regions::find(&faces, &faces.sides(), flatness, bulge);
+        (faces, regions)
+    }
+
+    /// Two triangles at one edge are a region if they are flat enough, hide from the same sides, and traverse
+    /// the edge in opposite directions, once one that faces the other way is turned. Those of one side that
+    /// face different ways are none.
+    #[test]
+    fn neighbours_that_face_alike_are_one_region() {
+        let [a, b, c] = [[0.0; 3], [4.0, 0.0, 0.0], [2.0, 4.0, 0.0]];
+        let (beyond, above, upright) = ([2.0, -4.0, 0.0], [2.0, 3.0, 0.0], [2.0, 0.0, 4.0]);
+        for (other, sides, expected) in [
+            ([b, a, beyond], [true, true], 1),
+            ([b, a, beyond], [false, false], 1),
+            ([b, a, beyond], [true, false], 2),
+            ([b, a, beyond], [false, true], 2),
+            ([a, b, beyond], [true, true], 1),
+            ([a, b, beyond], [false, false], 2),
+            ([a, b, above], [true, true], 2),
+            ([a, b, above], [false, false], 2),
+            ([b, a, above], [true, true], 2),
+            ([b, a, upright], [true, true], 2),
+        ] {
+            let (_, regions) = found(&[([a, b, c], sides[0]), (other, sides[1])], 0.0, 9.0);
+            assert_eq!(regions.regions.len(), expected, "regions with {other:?}, two sides: {sides:?}");
+        }
+    }
+
+    /// A face joins if it is within the flatness or the bulge of the plane, whichever is more, and exactly in
+    /// the plane if both are nothing. The region measures how far its vertices and normals are apart.
+    #[test]
+    fn regions_are_as_flat_as_asked_for() {
+        let corners = |height: f32| {
+            let [a, b, c, d] = [[0.0; 3], [4.0, 0.0, 0.0], [2.0, 4.0, 0.0], [2.0, -3.0, height]];
+            [([a, b, c], false), ([b, a, d], false)]
+        };
+        for (height, flatness, bulge, expected) in [
+            (0.0, 0.0, 0.0, 1),
+            (0.25, 0.0, 0.0, 2),
+            (0.25, 0.25, 0.0, 1),
+            (0.25, 0.24, 0.0, 2),
+            (-0.25, 0.0, 0.1, 1),
+            (-0.25, 0.0, 0.06, 2),
+            (-0.25, 0.25, 0.01, 1),
+        ] {
+            let (_, regions) = found(&corners(height), flatness, bulge);
+            let case = (height, flatness, bulge);
+            assert_eq!(regions.regions.len(), expected, "height, flatness, bulge {case:?}");
+            if expected == 1 {
+                let Region { normal, extent, min_cosine, .. } = regions.regions[0];
+                let along =
+                    corners(height).map(|(t, _)| t.map(|p| normal.dot(Vec3::from_array(p).as_dvec3())));
+                let along = along.as_flattened();
+                let expected = [
+                    along.iter().copied().fold(f64::INFINITY, f64::min),
+                    along.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+                ];
+                assert_eq!(extent, expected, "the extent of {case:?}");
+                // The normals of the faces are (0, 0, 1) and (0, height, 3), scaled to a length of 1.
+                let height = f64::from(height);
+                let second = DVec3::new(0.0, height, 3.0).normalize().dot(normal);
+                let least = normal.z.min(second);
+                assert!((min_cosine - least).abs() < 1e-15, "{case:?}: {min_cosine} instead of {least}");
+            }
+        }
+    }
+
+    #[test]
+    fn faces_at_one_edge_are_neighbours_unless_there_are_too_many() {
+        // Pages of a book, all at the same edge, and two of them in one plane.
+        let book = |pages: usize| {
+            let page =
+                |i: usize| ([[0.0; 3], [0.0, 0.0, 1.0], [10.0 + i as f32, 1.0 + (i * i) as f32, 0.0]], false);
+            let opposite = ([[0.0, 0.0, 1.0], [0.0; 3], [-10.0, -1.0, 0.0]], false);
+            let pages: Vec<_> = (0..pages - 1).map(page).chain([opposite]).collect();
+            found(&pages, 0.0, 0.0).1.regions.len()
+        };
+        assert_eq!(book(32), 31, "of 32 pages at one edge, the two in one plane are one polygon");
+        assert_eq!(book(33), 33, "of 33 pages at one edge, none are joined");
+    }
+
     /// A sliver at whose long side very many larger triangles end, none of them in its plane.
     #[test]
     fn steps_grow_as_triangles_do() {

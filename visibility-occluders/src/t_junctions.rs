@@ -82,7 +82,7 @@ impl PointTree {
         looks: &mut usize,
         each: &mut impl FnMut(u32),
     ) {
-        if *looks == 0 || first == end {
+        if *looks == 0 {
             return;
         }
         #[cfg(test)]
@@ -196,6 +196,80 @@ mod tests {
     use super::*;
     use crate::faces::LevelTriangle;
     use visibility_testing::{Random, steps_of};
+
+    /// Points and segments between small whole numbers, whose products `i32` holds.
+    #[test]
+    fn points_between_ends_are_exactly_on_the_segment() {
+        let (mut random, mut counts) = (Random(7), [0; 2]);
+        for round in 0..100_000 {
+            let whole = [(); 3].map(|()| [(); 3].map(|()| random.between(-2, 2)));
+            let [a, b, p] = whole;
+            let [along, from, to] = [[a, b], [a, p], [p, b]].map(|[a, b]| [0, 1, 2].map(|i| b[i] - a[i]));
+            let is_on_line =
+                [(1, 2), (2, 0), (0, 1)].iter().all(|&(i, j)| along[i] * from[j] == along[j] * from[i]);
+            let dot = |a: [i32; 3], b: [i32; 3]| (0..3).map(|i| a[i] * b[i]).sum::<i32>();
+            let expected = is_on_line && dot(along, from) > 0 && dot(along, to) > 0;
+            let [a, b, p] = whole.map(|at| Vec3::from_array(at.map(|x| x as f32)));
+            assert_eq!(is_between(a, b, p), expected, "round {round}: {p} between {a} and {b}");
+            counts[usize::from(expected)] += 1;
+        }
+        assert!(counts.iter().all(|&count| count > 100), "points beside and on segments: {counts:?}");
+    }
+
+    /// No box is apart from a segment that has a corner of the box or a point in it, at whatever scale and
+    /// however long the segment is, but most boxes beside a segment are.
+    #[test]
+    fn boxes_that_a_segment_meets_are_not_apart_from_it() {
+        let (mut random, mut rounded, mut apart) = (Random(8), 0, 0);
+        for round in 0..100_000 {
+            // The ends are multiples of one direction, of very different lengths.
+            let direction = [(); 3].map(|()| f64::from(random.between(-(1 << 23), 1 << 23)));
+            let [low, high] = [-random.between(0, 60), random.between(0, 60)];
+            let at = |exponent: i32| DVec3::from(direction) * f64::from(exponent).exp2();
+            let (a, b) = (-at(low - 1), at(high));
+            // A point of the segment with coordinates of `f32`, as the ends have.
+            let on = if round % 3 == 0 { DVec3::ZERO } else { at(random.between(low, high)) };
+            let size = [0.0, 1.0, 1e9][random.below(3)];
+            let [less, more] = [(); 2].map(|()| {
+                let by = DVec3::new(random.unit(), random.unit(), random.unit()) * size;
+                if random.one_in(2) { by.round() } else { DVec3::ZERO }
+            });
+            let bounds = [(on - less).as_vec3().as_dvec3(), (on + more).as_vec3().as_dvec3()];
+            let holds = bounds[0].cmple(on).all() && on.cmple(bounds[1]).all();
+            assert!(
+                !holds || !is_apart([a, b], bounds),
+                "round {round}: {bounds:?} holds {on}, from {a} to {b}"
+            );
+            let across = (b - a).cross((bounds[0] + bounds[1]) * 0.5 - a);
+            rounded += usize::from(bounds == [on; 2] && across != DVec3::ZERO);
+            // The same box far enough beside the segment.
+            let beside = (b - a).any_orthonormal_vector()
+                * ((bounds[1] - bounds[0]).length() + at(high).length() * 1e-6);
+            apart += usize::from(is_apart([a, b], bounds.map(|corner| corner + beside)));
+        }
+        assert!(rounded > 1_000, "{rounded} points on segments seem to be beside them, by rounding alone");
+        assert!(apart > 50_000, "{apart} boxes are apart");
+    }
+
+    /// Triangles of which each has a side along x, on which the corners of all shorter ones lie. Of 97, there
+    /// are just as many as 16 for each side.
+    #[test]
+    fn as_many_corners_are_inserted_as_are_allowed() {
+        for count in [97, 98] {
+            let triangles: Vec<LevelTriangle> = (1..=count)
+                .map(|i| {
+                    let corners = [Vec3::ZERO, Vec3::X * i as f32, Vec3::new(0.0, 1.0, i as f32)];
+                    LevelTriangle { corners, two_sided: true }
+                })
+                .collect();
+            let mut faces = Faces::weld(&triangles);
+            let sides = faces.sides();
+            let [inserted, left] = insert_t_junctions(&mut faces, &sides);
+            assert!(inserted <= 48 * count, "{inserted} corners in {count} triangles");
+            let is_all = inserted == count * (count - 1) / 2 && left == 0;
+            assert_eq!(is_all, count == 97, "{inserted} corners in {count} triangles, {left} edges are left");
+        }
+    }
 
     /// Tests that the corners of the largest levels, with those inserted, have indices of 32 bits.
     #[test]

@@ -115,19 +115,3 @@ fn vertices_on_very_many_sides_take_no_square_of_memory() {
     assert!(report.edges_not_split > 0, "the report tells that some edges are not split");
     assert_eq!(report.triangles, count, "triangles given");
 }
-
-#[test]
-fn faces_at_one_edge_are_neighbours_unless_there_are_too_many() {
-    // Pages of a book, all at the same edge, and two of them in one plane.
-    let book = |pages: usize| {
-        let page = |i: usize| {
-            let outer = Vec3::new(10.0 + i as f32, 1.0 + (i * i) as f32, 0.0);
-            LevelTriangle { corners: [Vec3::ZERO, Vec3::Z, outer], two_sided: false }
-        };
-        let [a, b, outer] = page(0).corners;
-        let opposite = LevelTriangle { corners: [b, a, -outer], two_sided: false };
-        made(&(0..pages - 1).map(page).chain([opposite]).collect::<Vec<_>>()).polygons().len()
-    };
-    assert_eq!(book(32), 31, "of 32 pages at one edge, the two in one plane are one polygon");
-    assert_eq!(book(33), 33, "of 33 pages at one edge, none are joined");
-}

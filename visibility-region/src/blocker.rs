@@ -143,7 +143,60 @@ impl Placement {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use visibility_core::Aabb;
+    use visibility_core::geometry::DoubleDouble;
     use visibility_core::glam::Vec3;
+    use visibility_testing::Random;
+
+    /// Placed points are off by no more than is told, though the mesh may reach to one side of its origin
+    /// alone and the transform may move it along one axis alone. Points that stay where they are are exact.
+    #[test]
+    fn points_are_placed_within_their_doubt() {
+        let mut random = Random(6);
+        let mut off = 0;
+        for round in 0..2_000 {
+            let side = if round % 2 == 0 { Vec3::ONE } else { Vec3::NEG_ONE };
+            let corners = [(); 3].map(|()| random.vec3(0.0, 9.0) * side);
+            let Ok(mesh) = OccluderMesh::from_triangles(&[corners]) else { continue };
+            let columns = [(); 3].map(|()| random.vec3(-1.0, 1.0));
+            let translation = if round % 3 == 0 { random.vec3(-1e3, 1e3) } else { Vec3::ZERO };
+            let [x, y, z] = columns;
+            let transform = Affine3A::from_cols(x.into(), y.into(), z.into(), translation.into());
+            let placement = Placement::new(&mesh, &transform);
+            for corner in corners {
+                let placed = placement.place(corner.as_dvec3());
+                for axis in 0..3 {
+                    let terms =
+                        (0..3).map(|k| (columns[k][axis], corner[k])).chain([(translation[axis], 1.0)]);
+                    let exact = terms.fold(DoubleDouble::ZERO, |sum, (a, b)| {
+                        sum.plus(DoubleDouble::product(f64::from(a), f64::from(b)))
+                    });
+                    let error = exact.plus((-placed[axis]).into()).hi.abs();
+                    assert!(error <= placement.doubt, "round {round}: {error} of {}", placement.doubt);
+                    off += usize::from(error > 0.0);
+                }
+            }
+            let blocker = Blocker::triangle(&mesh, &transform, 0);
+            assert_eq!(blocker.slack, placement.doubt, "round {round}: the slack of a triangle");
+            let stays = Placement::new(&mesh, &Affine3A::IDENTITY);
+            assert_eq!(stays.doubt, 0.0, "points that stay");
+        }
+        assert!(off > 1_000, "{off} coordinates are rounded");
+    }
+
+    /// Convex meshes may have dents up to their slack, unless they are boxes.
+    #[test]
+    fn convex_meshes_have_dents_unless_they_are_boxes() {
+        let cuboid = OccluderMesh::cuboid(&Aabb::new(Vec3::ZERO, Vec3::ONE)).unwrap();
+        let [o, x, y, z] = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+        let sides = [[o, y, x], [o, x, z], [o, z, y], [x, y, z]];
+        let solid = OccluderMesh::from_triangles(&sides).unwrap();
+        let open = OccluderMesh::from_triangles(&sides[..3]).unwrap();
+        assert!(cuboid.is_convex() && solid.is_convex() && !open.is_convex(), "two solids and an open mesh");
+        assert_eq!([&cuboid, &solid, &open].map(dents), [0.0, 4.0 * f64::from(f32::EPSILON), 0.0], "dents");
+        let scaled = Blocker::solid(&solid, &Affine3A::from_scale(Vec3::splat(2.0)), &[]);
+        assert!(scaled.slack > 6.0 * 4.0 * f64::from(f32::EPSILON), "dents grow with the solid");
+    }
 
     /// A triangle that faces up does so after it is mirrored sideways, also where scales are so small that
     /// the determinant is zero in `f32`.

@@ -140,7 +140,7 @@ fn candidates<'a>(
         let area = area.abs().dot(towards.abs());
         let gap = (bounds[0] - max).max(min - bounds[1]).max(DVec3::ZERO).length();
         let reach = gap + 0.5 * (max - min).length();
-        let rank = area / (reach * reach).max(f64::MIN_POSITIVE);
+        let rank = area / (reach * reach);
         // Also false for NaN.
         if rank > 0.0 {
             list.push(Candidate { shape, rank, bounds });
@@ -168,4 +168,66 @@ fn candidates<'a>(
         }
     });
     list
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Object};
+    use visibility_testing::NOT_ALWAYS_DRAWN;
+
+    /// Adds an occluder with a mesh of triangles.
+    fn add(scene: &mut Scene, mesh: OccluderMesh) -> visibility_core::ObjectId {
+        let id = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
+        let mesh = scene.add_mesh(mesh);
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        id
+    }
+
+    /// Returns rank and bounds of the candidates for the viewcell from -1 to 1.
+    fn ranked(scene: &Scene) -> Vec<(f64, [DVec3; 2])> {
+        let mut solids = Solids::new();
+        solids.sync(scene);
+        let all = candidates(scene, &VisibleSet::new(), &solids, DVec3::NEG_ONE, DVec3::ONE);
+        all.iter().map(|candidate| (candidate.rank, candidate.bounds)).collect()
+    }
+
+    /// A solid is one candidate, ranked by the area that it shows and by its distance on whichever side.
+    #[test]
+    fn solids_are_ranked_by_area_and_distance() {
+        for (low, high, gap) in [(3.0, 4.0, 2.0), (-4.0, -3.0, 2.0), (0.5, 4.0, 0.0), (-1.5, -1.0, 0.0)] {
+            let mut scene = Scene::new();
+            let bounds = Aabb::new(Vec3::new(low, -1.0, -1.0), Vec3::new(high, 1.0, 1.0));
+            add(&mut scene, OccluderMesh::cuboid(&bounds).unwrap());
+            let reach = gap + 3.0f64.sqrt();
+            let found = ranked(&scene);
+            let [(rank, of)] = found[..] else { panic!("{found:?} of one solid") };
+            assert!((rank - 4.0 / (reach * reach)).abs() < 1e-12, "{low} to {high}: {rank}");
+            assert_eq!(of, [bounds.min.as_dvec3(), bounds.max.as_dvec3()], "the bounds of the solid");
+        }
+    }
+
+    /// Without a solid, each triangle that shows some area is a candidate, if its object is always drawn.
+    #[test]
+    fn triangles_of_what_is_always_drawn_are_candidates() {
+        let p = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+        let mesh = || {
+            let facing = [p(4.0, 2.0, -1.0), p(5.0, -3.0, 1.0), p(3.0, 0.0, 4.0)];
+            let edge_on = [p(5.0, 0.0, 0.0), p(6.0, 1.0, 0.0), p(6.0, -1.0, 0.0)];
+            OccluderMesh::from_triangles(&[facing, edge_on]).unwrap()
+        };
+        let mut scene = Scene::new();
+        add(&mut scene, mesh());
+        let found = ranked(&scene);
+        let [(rank, bounds)] = found[..] else { panic!("{found:?} of two triangles") };
+        assert!(rank > 0.0, "{rank}");
+        assert_eq!(bounds, [DVec3::new(3.0, -3.0, -1.0), DVec3::new(5.0, 2.0, 4.0)], "bounds of a triangle");
+        for change in NOT_ALWAYS_DRAWN {
+            let mut scene = Scene::new();
+            let id = add(&mut scene, mesh());
+            change(&mut scene, id);
+            assert!(ranked(&scene).is_empty(), "triangles that may not be drawn");
+        }
+    }
 }

@@ -48,6 +48,42 @@ pub(crate) fn contains(bounds: &Aabb, inner: &Aabb) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use visibility_core::Object;
+    use visibility_core::glam::DVec3;
+
+    /// Bounds are cut off at 2^14 times the reach of most objects or of the viewcell, on either side.
+    #[test]
+    fn bounds_end_far_beyond_most_objects() {
+        let mut scene = Scene::new();
+        scene.set_origin(DVec3::splat(1e3)).unwrap();
+        for i in 0..30 {
+            let (low, high) = if i % 2 == 0 { (-2.0, 1.0) } else { (-1.0, 2.0) };
+            scene.insert(Object::new(Aabb::new(Vec3::splat(low), Vec3::splat(high))));
+        }
+        let cell =
+            |low: f64, high: f64| Viewcell::from_box(DVec3::splat(1e3 + low), DVec3::splat(1e3 + high));
+        let bounds = |scene: &Scene, cell: &Viewcell| {
+            usable_bounds(scene, cell).map(|bounds| [bounds.min.x, bounds.max.y])
+        };
+        assert_eq!(bounds(&scene, &cell(0.0, 1.0)), Some([-2.0, 2.0]), "bounds of the objects");
+        let sky = scene.insert(Object::new(Aabb::new(Vec3::splat(-1e9), Vec3::splat(2e9))));
+        assert_eq!(bounds(&scene, &cell(0.0, 1.0)), Some([-32_768.0, 32_768.0]), "most objects reach 2 m");
+        assert_eq!(bounds(&scene, &cell(-4.0, 1.0)), Some([-65_536.0, 65_536.0]), "the viewcell reaches 4 m");
+        assert_eq!(bounds(&scene, &cell(-1.0, 4.0)), Some([-65_536.0, 65_536.0]), "the viewcell reaches 4 m");
+        assert_eq!(bounds(&scene, &cell(-1.0, 1e36)), Some([-1e9, 2e9]), "a limit beyond all numbers of f32");
+        scene.set_bounds(sky, Aabb::new(Vec3::ZERO, Vec3::splat(1e9))).unwrap();
+        assert_eq!(bounds(&scene, &cell(0.0, 1.0)), Some([-2.0, 32_768.0]), "a sky on one side");
+    }
+
+    #[test]
+    fn boxes_contain_what_touches_their_sides() {
+        let outer = Aabb::new(Vec3::ZERO, Vec3::ONE);
+        assert!(contains(&outer, &outer), "the box itself");
+        for axis in Vec3::AXES {
+            assert!(!contains(&outer, &Aabb::new(axis * -0.1, Vec3::ONE)), "beyond the least corner");
+            assert!(!contains(&outer, &Aabb::new(Vec3::ZERO, Vec3::ONE + axis * 0.1)), "beyond the greatest");
+        }
+    }
 
     /// Of 2,048 objects, each third has left, and the one that stays at an index after it is far away: what
     /// is sampled are objects, not indices.
@@ -59,7 +95,7 @@ mod tests {
         for id in ids.iter().step_by(3) {
             scene.remove(*id).unwrap();
         }
-        let cell = Viewcell::from_box(visibility_core::glam::DVec3::ZERO, visibility_core::glam::DVec3::ONE);
+        let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
         assert_eq!(usable_bounds(&scene, &cell), scene.culled_bounds(), "all objects are near each other");
     }
 }

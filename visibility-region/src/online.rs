@@ -606,10 +606,10 @@ impl OnlinePvs {
         }
         self.turns[job.level] += 1;
         self.clock += 1;
+        let needed: Vec<[DVec3; 2]> = places.iter().map(|&place| self.around(place)).collect();
+        let is_free = |made: &&Made| !needed.iter().any(|&[low, high]| holds(&made.cell, low, high));
         let made = &mut self.made[job.level];
         made.push(Made { cell: job.cell, hidden, seen, used: self.clock });
-        let margin = self.margin;
-        let is_free = |made: &&Made| !places.iter().any(|&p| holds(&made.cell, p - margin, p + margin));
         while made.len() > KEPT
             && let Some(used) = made.iter().filter(is_free).map(|made| made.used).min()
         {
@@ -716,5 +716,191 @@ impl Culler for OnlinePvs {
             let what = "objects not culled, for want of a viewcell around the near plane, made for the view's layers";
             each(Lack { what, count: scene.len() });
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Pose};
+
+    fn online(viewcell: f64, wide: f64, margin: f64) -> OnlinePvs {
+        OnlinePvs::new(DVec3::splat(viewcell), DVec3::splat(wide)).unwrap().with_margin(margin)
+    }
+
+    /// Returns a scene of a few objects that hide nothing.
+    fn scene() -> Scene {
+        let mut scene = Scene::new();
+        for i in 0..3 {
+            let at = Vec3::splat(50.0 + i as f32);
+            scene.insert(Aabb::new(at, at + 0.5));
+        }
+        scene
+    }
+
+    /// Steps until all places have viewcells.
+    fn finish(online: &mut OnlinePvs, scene: &Scene, places: &[DVec3]) {
+        let mut steps = 0;
+        while online.step(scene, places, u32::MAX).is_some() {
+            steps += 1;
+            assert!(steps < 100, "the viewcells of {places:?} are not finished");
+        }
+    }
+
+    #[test]
+    fn sizes_are_positive_and_viewcells_fit_into_wide_boxes() {
+        for (viewcell, wide, is_usable) in [
+            (1.0, 2.0, true),
+            (1.0, 1.0, true),
+            (1.0, 0.9, false),
+            (0.0, 1.0, false),
+            (f64::NAN, 1.0, false),
+            (1.0, f64::INFINITY, false),
+        ] {
+            for axis in 0..3 {
+                let (mut cell, mut around) = (DVec3::ONE, DVec3::splat(2.0));
+                (cell[axis], around[axis]) = (viewcell, wide);
+                let expected = if is_usable { None } else { Some(axis) };
+                assert_eq!(unusable_axis(cell, around), expected, "{cell} in {around}");
+            }
+        }
+        let place = DVec3::new(1.0, 2.0, 3.0);
+        for (given, margin) in [(0.25, 0.25), (1.0, 1.0), (9.0, 1.0), (-1.0, 0.0), (f64::NAN, 0.0)] {
+            let around = online(2.0, 8.0, given).around(place);
+            assert_eq!(around, [place - margin, place + margin], "a margin of {given}");
+        }
+    }
+
+    /// A box holds the first box and as many places as fit, and has its spare room ahead.
+    #[test]
+    fn boxes_hold_as_many_places_as_fit() {
+        let online = online(2.0, 8.0, 0.25);
+        let first = [DVec3::ZERO, DVec3::splat(0.5)];
+        let places = [[0.25, 0.25, 0.25], [1.25, -0.25, 0.25], [1.75, -0.25, 0.25], [1.76, 0.0, 0.25]];
+        let places = places.map(DVec3::from_array);
+        let of = |count: usize, heading: DVec3| {
+            let cell = online.fit(NEAR, first, &places[..count], heading);
+            [cell.min, cell.max].map(|corner| corner.to_array())
+        };
+        assert_eq!(of(1, DVec3::ZERO), [[-0.75; 3], [1.25; 3]], "room on all sides");
+        assert_eq!(of(1, DVec3::X * 1e-3), [[0.0, -0.75, -0.75], [2.0, 1.25, 1.25]], "room ahead");
+        assert_eq!(of(1, DVec3::Y * -9.0), [[-0.75, -1.5, -0.75], [1.25, 0.5, 1.25]], "room ahead");
+        assert_eq!(of(1, DVec3::X * f64::INFINITY), [[-0.75; 3], [1.25; 3]], "no direction");
+        assert_eq!(of(2, DVec3::ZERO), [[-0.25, -1.0, -0.75], [1.75, 1.0, 1.25]], "two places");
+        for count in [3, 4] {
+            let expected = [[0.0, -1.0, -0.75], [2.0, 1.0, 1.25]];
+            assert_eq!(of(count, DVec3::ZERO), expected, "three places, and no room for a fourth");
+        }
+        // No room: the box is as large as what it holds, and not smaller by rounding.
+        let wide = [DVec3::splat(0.1), DVec3::splat(9.3)];
+        let cell = online.fit(WIDE, wide, &[], DVec3::ZERO);
+        assert_eq!([cell.min, cell.max], wide, "a box larger than its size");
+    }
+
+    #[test]
+    fn viewcells_hold_what_touches_their_sides() {
+        let cell = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+        assert!(holds(&cell, DVec3::ZERO, DVec3::ONE), "the box itself");
+        for axis in DVec3::AXES {
+            assert!(!holds(&cell, axis * -1e-300, DVec3::ONE), "beyond the least corner");
+            assert!(!holds(&cell, DVec3::ZERO, DVec3::ONE + axis * 1e-9), "beyond the greatest");
+        }
+    }
+
+    /// Viewcells are within wide boxes, whose hidden objects they hide, and hold their place and the one
+    /// before.
+    #[test]
+    fn viewcells_are_within_wide_boxes() {
+        let scene = scene();
+        for turn in [DVec3::ONE, DVec3::NEG_ONE] {
+            let mut online = online(2.0, 3.0, 0.25);
+            let at = |i: usize| turn * DVec3::new(i as f64 * 0.7, i as f64 * 0.3, 0.0);
+            for i in 0..12 {
+                let places: Vec<DVec3> = (i..i + 3).map(at).collect();
+                finish(&mut online, &scene, &places);
+                for made in &online.made[NEAR] {
+                    let is_in = |wide: &Made| holds(&wide.cell, made.cell.min, made.cell.max);
+                    assert!(online.made[WIDE].iter().any(is_in), "a viewcell beyond all wide boxes, {i}");
+                }
+                // No gap between the viewcells of places in a row.
+                for pair in places.windows(2) {
+                    let held = |made: &Made| pair.iter().all(|&place| holds(&made.cell, place, place));
+                    assert!(online.made[NEAR].iter().any(held), "{pair:?} are in different viewcells");
+                }
+            }
+            assert!(online.made[WIDE].len() > 3, "{} wide boxes", online.made[WIDE].len());
+        }
+    }
+
+    /// A wall whose surfaces were collected is moved away by a transform, and back. Each time the next wide
+    /// box takes it for a mover, which hides nothing, and the one after that has it where it is.
+    #[test]
+    fn occluders_that_were_moved_hide_where_they_are() {
+        use visibility_core::glam::Affine3A;
+        use visibility_core::{Object, OccluderMesh};
+        let (mut scene, mut online) = (scene(), online(2.0, 3.0, 0.25));
+        let bounds = Aabb::from_arrays([-9.0, 5.0, -9.0], [9.0, 5.2, 9.0]);
+        let wall = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+        scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
+        let post = scene.insert(Aabb::from_arrays([0.0, 8.0, 0.0], [0.1, 8.1, 0.1]));
+        let hides = |online: &mut OnlinePvs, scene: &Scene, x: f64| {
+            let place = DVec3::X * x;
+            finish(online, scene, &[place]);
+            online.hidden_from(scene, place, place).unwrap().contains(post.index())
+        };
+        assert!(hides(&mut online, &scene, 0.0), "the wall hides the post");
+        for (up, is_hidden) in [(100.0, false), (0.0, true)] {
+            let moved = Affine3A::from_translation(Vec3::Z * up);
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+            scene.set_bounds(wall, bounds.transformed(&moved)).unwrap();
+            scene.set_mesh(wall, mesh, moved).unwrap();
+            assert!(!hides(&mut online, &scene, 3.5), "a wall that has just changed, {up} m up");
+            assert_eq!(hides(&mut online, &scene, -3.5), is_hidden, "a wall that stays {up} m up");
+        }
+    }
+
+    /// Of the viewcells that no place needs the 32 used last are kept.
+    #[test]
+    fn the_viewcells_used_last_are_kept() {
+        let (scene, mut online) = (scene(), online(2.0, 3.0, 0.25));
+        let place = |i: usize| DVec3::X * (100.0 * i as f64);
+        for i in 0..40 {
+            finish(&mut online, &scene, &[place(i)]);
+            assert_eq!(online.made[NEAR].len(), (i + 1).min(KEPT), "viewcells after place {i}");
+        }
+        let kept = |i: usize| online.find(NEAR, online.around(place(i))).is_some();
+        assert!((0..40).all(|i| kept(i) == (i >= 8)), "viewcells of the last places");
+        let all: Vec<DVec3> = (0..40).map(place).collect();
+        finish(&mut online, &scene, &all);
+        assert_eq!(online.made[NEAR].len(), 40, "all viewcells are needed");
+    }
+
+    /// Hidden objects are told for a box and for a point, and what a frame lacks.
+    #[test]
+    fn answers_are_for_boxes_that_are_not_inverted() {
+        let (scene, mut online) = (scene(), online(2.0, 3.0, 0.25));
+        finish(&mut online, &scene, &[DVec3::ZERO]);
+        let mut knows = |min: f64, max: f64| {
+            online.hidden_from(&scene, DVec3::new(0.0, min, 0.0), DVec3::new(0.0, max, 0.0)).is_some()
+        };
+        assert!(knows(0.0, 0.0) && knows(-0.25, 0.25), "a point and a box");
+        assert!(!knows(0.25, -0.25) && !knows(-9.0, 9.0), "an inverted box, and one beyond the viewcell");
+        let lacks = |online: &OnlinePvs, scene: &Scene| {
+            let mut counts = vec![];
+            online.for_each_lack(scene, &mut |lack| counts.push(lack.count));
+            counts
+        };
+        let view = |x: f64| {
+            let eye = DVec3::X * x;
+            View::perspective(Pose::look_at(eye, eye + DVec3::X, DVec3::Z), 1.0, 1.0, 0.01, 9.0).unwrap()
+        };
+        for (x, expected) in [(0.0, vec![]), (90.0, vec![3])] {
+            online.cull(&scene, &view(x), &mut VisibleSet::new());
+            assert_eq!(lacks(&online, &scene), expected, "objects not culled from {x}");
+        }
+        assert_eq!(lacks(&online, &Scene::new()), [], "an empty scene lacks nothing");
     }
 }

@@ -124,7 +124,7 @@ pub(crate) fn pieces(mesh: &OccluderMesh) -> &[OccluderMesh] {
 /// without slivers. `None` if the mesh has more than [`OPEN`] triangles or not exactly one hole, if the
 /// closed mesh is not convex, or if a sliver is not in the plane of a cap.
 pub(crate) fn close(mesh: &OccluderMesh) -> Option<(OccluderMesh, Vec<Triangle>)> {
-    if mesh.is_closed() || mesh.triangles().len() > OPEN {
+    if mesh.triangles().len() > OPEN {
         return None;
     }
     let rim: Vec<[u32; 2]> =
@@ -132,9 +132,9 @@ pub(crate) fn close(mesh: &OccluderMesh) -> Option<(OccluderMesh, Vec<Triangle>)
     let mut hole = alloc::vec![rim.first()?[0]];
     for _ in 1..rim.len() {
         let at = *hole.last()?;
-        let mut next = rim.iter().filter(|[from, _]| *from == at);
-        let to = next.next()?[1];
-        if next.next().is_some() || hole.contains(&to) {
+        let to = rim.iter().find(|[from, _]| *from == at)?[1];
+        // As many edges as vertices, none of them twice, are one loop.
+        if hole.contains(&to) {
             return None;
         }
         hole.push(to);
@@ -142,8 +142,7 @@ pub(crate) fn close(mesh: &OccluderMesh) -> Option<(OccluderMesh, Vec<Triangle>)
     let corner = |&[a, b, c]: &[u32; 3]| [a, b, c].map(|i| mesh.positions()[i as usize]);
     let mut triangles: Vec<Triangle> = mesh.triangles().iter().map(corner).collect();
     // The closing triangles run along the hole's rim in the opposite direction.
-    let fan: Vec<Triangle> =
-        (1..hole.len().max(2) - 1).map(|i| corner(&[hole[0], hole[i + 1], hole[i]])).collect();
+    let fan: Vec<Triangle> = (1..hole.len() - 1).map(|i| corner(&[hole[0], hole[i + 1], hole[i]])).collect();
     triangles.extend(&fan);
     let closed = OccluderMesh::from_triangles(&triangles).ok()?;
     let caps = caps(&fan, &closed)?;
@@ -175,7 +174,7 @@ fn caps(fan: &[Triangle], solid: &OccluderMesh) -> Option<Vec<Triangle>> {
         t.iter().all(|p| normal.dot(p.as_dvec3() - anchor).abs() <= slack * normal.length())
     };
     let is_covered = |t: &&Triangle| wide.iter().any(|plane| is_in_plane(t, plane));
-    (!wide.is_empty() && slivers.iter().all(is_covered)).then(|| wide.into_iter().copied().collect())
+    slivers.iter().all(is_covered).then(|| wide.into_iter().copied().collect())
 }
 
 #[cfg(test)]
@@ -217,6 +216,118 @@ mod tests {
         assert!(closed > 0, "no house with a slit was closed");
     }
 
+    /// Returns a cone without a base, of as many triangles as told.
+    fn cone(sides: usize) -> OccluderMesh {
+        let at = |i: usize| {
+            let (sine, cosine) = (core::f64::consts::TAU * (i % sides) as f64 / sides as f64).sin_cos();
+            DVec3::new(cosine, sine, 0.0).as_vec3()
+        };
+        let triangles: Vec<Triangle> = (0..sides).map(|i| [at(i), at(i + 1), Vec3::Z]).collect();
+        OccluderMesh::from_triangles(&triangles).unwrap()
+    }
+
+    #[test]
+    fn meshes_of_64_triangles_with_one_hole_are_closed() {
+        for (sides, expected) in [(5, Some(3)), (64, Some(62)), (65, None)] {
+            let caps = close(&cone(sides)).map(|(_, caps)| caps.len());
+            assert_eq!(caps, expected, "caps of a cone of {sides} sides");
+        }
+        let cuboid = OccluderMesh::cuboid(&visibility_core::Aabb::new(Vec3::ZERO, Vec3::ONE)).unwrap();
+        assert!(close(&cuboid).is_none(), "a closed mesh");
+        let corners = cuboid.positions().to_vec();
+        let without = |missing: &[usize]| {
+            let kept = OccluderMesh::CUBOID.iter().enumerate().filter(|(i, _)| !missing.contains(i));
+            let triangles: Vec<Triangle> = kept.map(|(_, t)| t.map(|i| corners[i as usize])).collect();
+            close(&OccluderMesh::from_triangles(&triangles).unwrap()).map(|(_, caps)| caps.len())
+        };
+        assert_eq!([without(&[3]), without(&[2, 3])], [Some(1), Some(2)], "a hole in one side");
+        for first in 0..12 {
+            for second in first + 1..12 {
+                let caps = without(&[first, second]);
+                let is_right = caps.is_none() || caps == Some(2);
+                assert!(is_right, "{caps:?} close a cuboid without {first} and {second}");
+                let [a, b] = [first, second].map(|i| OccluderMesh::CUBOID[i]);
+                let common = a.iter().filter(|corner| b.contains(corner)).count();
+                assert!(common == 2 || caps.is_none(), "{caps:?}: two holes, at {first} and {second}");
+            }
+        }
+    }
+
+    /// Solids are found again when an object changes that is an occluder or was one. Their bounds are widened
+    /// by their slack. What a transform flattens is no solid.
+    #[test]
+    fn solids_are_those_of_the_occluders() {
+        use visibility_core::glam::Affine3A;
+        use visibility_core::{Aabb, Object};
+        let (mut scene, mut solids) = (Scene::new(), Solids::new());
+        let around = Aabb::new(Vec3::splat(-9.0), Vec3::splat(9.0));
+        let add = |scene: &mut Scene, mesh: OccluderMesh, scale: Vec3| {
+            let id = scene.insert(Object { occluder: true, ..Object::new(around) });
+            let mesh = scene.add_mesh(mesh);
+            scene.set_mesh(id, mesh, Affine3A::from_scale(scale)).unwrap();
+            id
+        };
+        let [o, x, y, z] = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+        let sides = [[o, y, x], [o, x, z], [o, z, y], [x, y, z]];
+        let mesh = || OccluderMesh::from_triangles(&sides).unwrap();
+        let first = add(&mut scene, mesh(), Vec3::new(1.0, 2.0, -3.0));
+        add(&mut scene, mesh(), Vec3::new(1.0, 2.0, 0.0));
+        let post = scene.insert(around);
+        assert!(solids.sync(&scene) && !solids.sync(&scene), "the first time, and nothing new");
+        let [Solid { id, ref blocker, min, max, .. }] = solids.list[..] else {
+            panic!("{} solids, of one that is flat and one that is not", solids.list.len());
+        };
+        let slack = blocker.slack;
+        assert!(id == first && slack > 1e-6, "the solid of {id} with the slack {slack}");
+        let expected = [DVec3::new(0.0, 0.0, -3.0) - slack, DVec3::new(1.0, 2.0, 0.0) + slack];
+        assert_eq!([min, max], expected, "bounds of the solid");
+        scene.set_bounds(post, Aabb::new(Vec3::ZERO, Vec3::ONE)).unwrap();
+        assert!(!solids.sync(&scene), "an object that hides nothing has changed");
+        scene.set_occluder(first, false).unwrap();
+        assert!(solids.sync(&scene) && solids.list.is_empty(), "the solid's object hides nothing any more");
+        assert!(!solids.sync(&scene), "nothing new");
+        scene.set_occluder(first, true).unwrap();
+        assert!(solids.sync(&scene) && solids.list.len() == 1, "it hides again");
+    }
+
+    #[cfg(feature = "papers")]
+    #[test]
+    fn solids_meet_what_touches_them() {
+        let (min, max) = (DVec3::ZERO, DVec3::ONE);
+        let mesh = OccluderMesh::cuboid(&visibility_core::Aabb::new(Vec3::ZERO, Vec3::ONE)).unwrap();
+        let (id, blocker) = (Scene::new().insert(*mesh.bounds()), Blocker::cuboid(min, max));
+        let solid = Solid { id, mesh, blocker, min, max };
+        for axis in 0..3 {
+            for (low, high, meets) in
+                [(1.0, 2.0, true), (-1.0, 0.0, true), (1.0f64.next_up(), 2.0, false), (-1.0, -1e-300, false)]
+            {
+                let (mut from, mut to) = (DVec3::splat(0.4), DVec3::splat(0.6));
+                (from[axis], to[axis]) = (low, high);
+                assert_eq!(solid.meets(from, to), meets, "{from} to {to}");
+            }
+        }
+    }
+
+    /// Triangles of what may not be drawn hide nothing.
+    #[test]
+    fn objects_that_are_always_drawn_hide() {
+        use visibility_core::glam::Affine3A;
+        use visibility_core::{Aabb, Object};
+        for change in visibility_testing::NOT_ALWAYS_DRAWN {
+            let mut scene = Scene::new();
+            let bounds = Aabb::new(Vec3::ZERO, Vec3::ONE);
+            let ids = [(); 3].map(|()| scene.insert(Object { occluder: true, ..Object::new(bounds) }));
+            for id in &ids[..2] {
+                let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+                scene.set_mesh(*id, mesh, Affine3A::IDENTITY).unwrap();
+            }
+            change(&mut scene, ids[1]);
+            let found = occluding(&scene, &VisibleSet::new());
+            let found: Vec<usize> = found.iter().collect();
+            assert_eq!(found, [ids[0].index()], "one of two with a mesh, and none without");
+        }
+    }
+
     #[test]
     fn slivers_are_dropped_in_the_plane_of_a_cap_only() {
         let p = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
@@ -235,6 +346,11 @@ mod tests {
             "the sliver in the plane of the cap is dropped"
         );
         assert_eq!(caps(&[sliver(1e-6), bottom], &solid), Some(vec![bottom]), "as deep as the dents may be");
+        for turns in 1..3 {
+            let mut turned = sliver(0.0);
+            turned.rotate_left(turns);
+            assert_eq!(caps(&[turned, bottom], &solid), Some(vec![bottom]), "from corner {turns} on");
+        }
         assert_eq!(caps(&[bottom, sliver(1e-5)], &solid), None, "a sliver deeper than dents may be");
         assert_eq!(caps(&[sliver(0.0)], &solid), None, "no cap has a plane");
     }

@@ -253,7 +253,7 @@ impl<'a> Space<'a> {
                 stack.extend((0..8).map(child));
             } else if self.is_opaque(node) {
                 let gap = (low - max).max(min - high).max(DVec3::ZERO);
-                let rank = (high - low).length_squared() / gap.length_squared().max(f64::MIN_POSITIVE);
+                let rank = (high - low).length_squared() / gap.length_squared();
                 leaves.push(Leaf { node: node as u32, min: low, max: high, rank });
             }
         }
@@ -377,6 +377,182 @@ mod tests {
         let most = space.extended(DVec3::new(2.0, 1.0, 3.0), DVec3::new(2.5, 1.5, 3.5));
         let size = most[1] - most[0];
         assert!(size.max_element() > 12.0 && size.z > 6.0, "{size}");
+    }
+
+    /// Returns an octree of eight cells in the box from 0 to 2, without solids.
+    fn eight_cells() -> Octree {
+        let mut nodes = alloc::vec![Node { children: NONE, solid: NONE }; 9];
+        nodes[0].children = 1;
+        Octree { min: DVec3::ZERO, max: DVec3::splat(2.0), nodes }
+    }
+
+    /// Returns a box of which the given axis has another range than the others, which lie in one cell.
+    fn along(axis: usize, low: f64, high: f64) -> [DVec3; 2] {
+        let mut bounds = [DVec3::splat(0.2), DVec3::splat(0.8)];
+        (bounds[0][axis], bounds[1][axis]) = (low, high);
+        bounds
+    }
+
+    /// A box is blocked if all cells are that it meets, and with their borders those that it touches, and if
+    /// it is in the octree.
+    #[test]
+    fn boxes_are_blocked_by_the_cells_that_they_meet() {
+        let octree = eight_cells();
+        for axis in 0..3 {
+            for upper in [false, true] {
+                let mut space = Space::new(&octree, &[]);
+                // Four cells on one side are hidden.
+                (0..8).for_each(|child| space.hidden[1 + child] = (child >> axis & 1 != 0) == upper);
+                let within = |low: f64, high: f64| {
+                    let [min, max] =
+                        if upper { along(axis, 2.0 - high, 2.0 - low) } else { along(axis, low, high) };
+                    [true, false].map(|closed| space.is_blocked(min, max, closed))
+                };
+                let case = (axis, upper);
+                assert_eq!(within(0.25, 0.75), [true; 2], "{case:?}: a box in a hidden cell");
+                assert_eq!(within(0.25, 1.0), [false, true], "{case:?}: a box that touches another cell");
+                assert_eq!(within(0.25, 1.0f64.next_up()), [false; 2], "{case:?}: a box that meets another");
+                assert_eq!(within(1.0, 1.5), [false; 2], "{case:?}: a box in a cell that is not hidden");
+                assert_eq!(within(0.0, 0.5), [true; 2], "{case:?}: a box up to the side of the octree");
+                assert_eq!(within(-1e-9, 0.5), [false; 2], "{case:?}: a box beyond the octree");
+            }
+        }
+    }
+
+    /// A box without volume is not extended, and one in hidden space up to the sides of the octree at most.
+    #[test]
+    fn boxes_are_extended_within_the_octree() {
+        let octree = eight_cells();
+        let mut space = Space::new(&octree, &[]);
+        space.hidden[0] = true;
+        let bounds = [DVec3::ONE, DVec3::splat(1.25)];
+        let [min, max] = space.extended(bounds[0], bounds[1]);
+        assert_eq!([min, max], [DVec3::ZERO, DVec3::splat(2.0)], "all of the octree");
+        for axis in 0..3 {
+            let flat = along(axis, 1.0, 1.0);
+            assert_eq!(space.extended(flat[0], flat[1]), flat, "a box without volume");
+        }
+    }
+
+    /// Cells that no solid meets are not divided, and there are no more of them than may be.
+    #[test]
+    fn only_cells_that_meet_solids_are_divided() {
+        let octree = space_of(&[([0.0; 3], [1.0; 3]), ([30.0; 3], [31.0; 3])]);
+        assert!(octree.nodes.len() > 10_000 && octree.nodes.len() <= NODES, "{} cells", octree.nodes.len());
+        let mut stack = alloc::vec![(0usize, [octree.min, octree.max])];
+        while let Some((node, [min, max])) = stack.pop() {
+            let Node { children, solid } = octree.nodes[node];
+            let meets =
+                |low: f64| max.cmpge(DVec3::splat(low)).all() && min.cmple(DVec3::splat(low + 1.0)).all();
+            let is_near = meets(0.0) || meets(30.0);
+            assert!(children == NONE || is_near && solid == NONE, "{min} to {max} is divided");
+            if children != NONE {
+                stack.extend((0..8).map(|i| (children as usize + i, child_box(min, max, i))));
+            }
+        }
+    }
+
+    /// Leaves come by the square of their size in that of their distance.
+    #[test]
+    fn large_leaves_nearby_come_first() {
+        let octree = space_of(&[([0.0; 3], [8.0; 3]), ([20.0, 0.0, 0.0], [21.0, 8.0, 8.0])]);
+        let space = Space::new(&octree, &[true; 2]);
+        for cell in [[-9.0, -8.0], [30.0, 31.0]] {
+            let [min, max] = cell.map(|x| DVec3::new(x, 3.0, 3.0));
+            let leaves = space.largest(min, max);
+            assert!(leaves.len() > 100, "{} leaves", leaves.len());
+            let rank = |leaf: &Leaf| {
+                let gap = (leaf.min.x - max.x).max(min.x - leaf.max.x);
+                let aside = [1, 2].map(|i| (leaf.min[i] - 3.0).max(3.0 - leaf.max[i]).max(0.0));
+                let gap = gap * gap + aside[0] * aside[0] + aside[1] * aside[1];
+                (leaf.max - leaf.min).length_squared() / gap
+            };
+            for pair in leaves.windows(2) {
+                let [a, b] = [rank(&pair[0]), rank(&pair[1])];
+                assert!(a >= b * (1.0 - 1e-12), "a leaf of {a} before one of {b}, from {cell:?}");
+            }
+        }
+    }
+
+    /// Returns which of some small boxes solids leave visible from a viewcell, and the blockers.
+    fn seen(
+        solids: &[OccluderMesh],
+        [min, max]: [DVec3; 2],
+        small: &[Aabb],
+        change: impl Fn(&mut Scene, visibility_core::ObjectId),
+    ) -> (Vec<bool>, Vec<[DVec3; 2]>) {
+        let mut scene = Scene::new();
+        for mesh in solids {
+            let id = scene.insert(Object { occluder: true, ..Object::new(*mesh.bounds()) });
+            let mesh = scene.add_mesh(mesh.clone());
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+            change(&mut scene, id);
+        }
+        let ids: Vec<_> = small.iter().map(|bounds| scene.insert(*bounds)).collect();
+        let (mut visible, mut culler) = (VisibleSet::new(), VolumetricCuller::new());
+        culler.cull(&scene, &Viewcell::from_box(min, max), &mut visible);
+        (ids.iter().map(|&id| visible.contains(&scene, id)).collect(), culler.blockers().to_vec())
+    }
+
+    fn cuboid(min: [f32; 3], max: [f32; 3]) -> OccluderMesh {
+        OccluderMesh::cuboid(&Aabb::from_arrays(min, max)).unwrap()
+    }
+
+    /// Solids hide if they are always drawn, do not meet the viewcell, and do not show it a hole.
+    #[test]
+    fn solids_that_may_be_open_or_absent_hide_nothing() {
+        let house = cuboid([0.0; 3], [8.0; 3]);
+        let small = |x: f32| Aabb::from_arrays([x, 4.0, 4.0], [x + 0.1, 4.1, 4.1]);
+        let (within, behind) = (small(6.0), small(9.0));
+        let cell = |low: f64, high: f64| [DVec3::new(low, 3.9, 3.9), DVec3::new(high, 4.1, 4.1)];
+        let unchanged = |_: &mut Scene, _| {};
+        let of = |house: &OccluderMesh, cell: [DVec3; 2]| {
+            seen(core::slice::from_ref(house), cell, &[within, behind], unchanged).0
+        };
+        assert_eq!(of(&house, cell(-4.0, -3.0)), [false, false], "within the house and behind it");
+        assert_eq!(of(&house, cell(-4.0, 0.0)), [true, true], "from a cell that touches the house");
+        assert_eq!(of(&house, cell(1.0, 2.0)), [true, true], "from a cell in the house");
+        for change in visibility_testing::NOT_ALWAYS_DRAWN {
+            let seen = seen(core::slice::from_ref(&house), cell(-4.0, -3.0), &[within, behind], change).0;
+            assert_eq!(seen, [true, true], "a house that may not be there");
+        }
+        let sides = house.triangles().iter().map(|t| t.map(|i| house.positions()[i as usize]));
+        let open: Vec<_> = sides.filter(|t| t.iter().any(|p| p.x > 0.0)).collect();
+        let open = OccluderMesh::from_triangles(&open).unwrap();
+        assert_eq!(of(&open, cell(-4.0, -3.0)), [true, true], "through the side that is missing");
+        assert!(!of(&open, cell(12.0, 13.0))[0], "from the other side");
+    }
+
+    /// Blockers begin in leaves that are in no other blocker and are not hidden.
+    #[test]
+    fn blockers_are_made_where_none_is() {
+        let solids = [
+            cuboid([10.0, -8.0, -8.0], [14.0, 8.0, 8.0]),
+            cuboid([20.0, -2.0, -2.0], [22.0, 2.0, 2.0]),
+            cuboid([-14.0, -8.0, -8.0], [-10.0, 8.0, 8.0]),
+            cuboid([-8.0, 10.0, -8.0], [8.0, 14.0, 8.0]),
+        ];
+        let small = |at: [f32; 3]| Aabb::from_arrays(at, at.map(|x| x + 0.1));
+        let hidden = [[16.0, 0.0, 0.0], [-16.0, 0.0, 0.0], [0.0, 16.0, 0.0]].map(small);
+        let cell = [DVec3::splat(-0.5), DVec3::splat(0.5)];
+        let (seen, blockers) = seen(&solids, cell, &hidden, |_, _| {});
+        assert_eq!(seen, [false; 3], "behind each of three walls");
+        assert!(blockers.len() < BLOCKERS, "{} blockers", blockers.len());
+        let umbra = Umbra::new(
+            &Blocker::cuboid(DVec3::new(10.0, -8.0, -8.0), DVec3::new(14.0, 8.0, 8.0)),
+            cell[0],
+            cell[1],
+        );
+        let umbra = umbra.unwrap();
+        for (i, [min, max]) in blockers.iter().enumerate() {
+            assert!(
+                umbra.classify_box(*min, *max) != Containment::Inside || min.x < 14.0,
+                "{min} to {max} is hidden"
+            );
+            let around =
+                blockers[..i].iter().filter(|[low, high]| low.cmple(*min).all() && max.cmple(*high).all());
+            assert_eq!(around.count(), 0, "{min} to {max} is in another blocker");
+        }
     }
 
     #[test]
