@@ -344,6 +344,9 @@ fn cells_are_made_anywhere_of_few_triangles() {
     let mesh = SharedTriangles::from(vec![[Vec3::X, Vec3::Y, Vec3::Z]; 1 << 15]);
     let copy = SourceObject { triangles: mesh, ..object.clone() };
     let many = SceneSource { objects: vec![copy; 1025], ..SceneSource::new("many", Vec3::Y, 0.1) };
+    let too_far = SceneSource { origin: DVec3::X * 1e11, ..near.clone() };
+    let error = pvs::built::cells(&too_far, pvs::built::Origin::Walls).err().unwrap_or_default();
+    assert!(error.contains("too far away"), "walls that are rounded: {error}");
     for origin in [pvs::built::Origin::Polygons, pvs::built::Origin::Walls] {
         let [near, far] = [&near, &far].map(|source| pvs::built::cells(source, origin).expect("cells"));
         let counts = |cells: &SourceCells| (cells.graph.cell_count(), cells.graph.portals().len());

@@ -85,8 +85,7 @@ mod tests {
         }
     }
 
-    /// Of 2,048 objects, each third has left, and the one that stays at an index after it is far away: what
-    /// is sampled are objects, not indices.
+    /// Of 2,048 objects, each third has left, which a sample of each third index would have met alone.
     #[test]
     fn a_scene_of_which_objects_have_left_has_usable_bounds() {
         let mut scene = Scene::new();

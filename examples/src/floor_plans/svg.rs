@@ -3,9 +3,10 @@
 //! Curves become chords. Coordinates are user units of the file, with y downwards, after the transforms of
 //! the elements. Percentages are of the file's `viewBox`. `use`, nested `svg` elements and transforms in
 //! style sheets would move walls, and `display` and `visibility` in style sheets would hide some, as may
-//! style sheets of other files and animations, so a file with any of these is refused rather than read wrongly. Elements
-//! that are not drawn in place (definitions, clip paths, masks, markers, patterns, symbols), not displayed
-//! (`display: none`) or not visible (`visibility: hidden` or `collapse`) make no walls.
+//! style sheets of other files, scripts and animations, so a file with any of these is refused rather than
+//! read wrongly. Elements that are not drawn in place (definitions, clip paths, masks, markers, patterns,
+//! symbols), not displayed (`display: none`) or not visible (`visibility: hidden` or `collapse`) make no
+//! walls.
 
 use super::plan_file::{PlanFile, Problem, check};
 use kurbo::{Affine, CubicBez, ParamCurve, Point, QuadBez};
@@ -27,13 +28,14 @@ const STYLED: &str = "only an element's own `display` and `visibility` may hide 
 /// Names of style properties that hide an element.
 const HIDING: [&str; 2] = ["display", "visibility"];
 
-/// Values of `display` and of `visibility`, in lower case, that are read. An empty one stands for none. Others
-/// may be variables, or wrong, in which case an earlier one holds.
+/// Values of `display` and of `visibility`, in lower case, that are read. An empty one: the property is not set.
+/// Others may be variables, or wrong, in which case an earlier value holds.
 const READ: [&[&str]; 2] =
     [&["", "none", "inline", "block", "inherit"], &["", "visible", "hidden", "collapse", "inherit"]];
 
 /// Names of elements that change others: while they run, or by style sheets of other files.
-const CHANGING: [&str; 5] = ["set", "animate", "animateTransform", "animateMotion", "link"];
+const CHANGING: [&str; 7] =
+    ["set", "animate", "animateTransform", "animateMotion", "discard", "script", "link"];
 
 /// Names of style properties that move an element.
 const MOVING: [&str; 6] = ["transform", "transform-origin", "translate", "rotate", "scale", "offset-path"];
@@ -443,6 +445,7 @@ mod tests {
             r#"<path style="display:foo" display="none" d="M0 0L1 1"/>"#,
             r#"<path d="M0 0L1 1"><set attributeName="display" to="none"/></path>"#,
             r#"<g><animateTransform type="scale" to="2"/><path d="M0 0L1 1"/></g>"#,
+            r##"<path id="w" d="M0 0L9 0"/><discard href="#w" begin="0s"/>"##,
             r#"<link xmlns="http://www.w3.org/1999/xhtml" rel="stylesheet" href="off.css"/><path d="M0 0L1 1"/>"#,
             r#"<svg x="4"><path d="M0 0L1 1"/></svg>"#,
             r##"<path id="a" d="M0 0L1 1"/><use href="#a" x="4"/>"##,

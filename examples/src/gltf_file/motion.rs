@@ -44,8 +44,8 @@ const MOST_STEPS: usize = 16;
 /// Maximum amount of work: the number of node transforms and boxes, summed over all steps of all clips.
 const MOST_WORK: usize = 1 << 24;
 /// Relative difference between poses in `f32` and in `f64`, as a fraction of a point's distance from a node:
-/// sixteen roundings of 2^-24 for each node in a chain of about ten. A node that turns moves what is below it by
-/// this fraction of the distance from the turning node, however near the node below is, and whether a clip
+/// sixteen roundings of 2^-24 for each node in a chain of about ten. A node that turns moves what is below it
+/// by this fraction of the distance from the turning node, however near the node below is, and whether a clip
 /// turns it or it is turned at rest.
 const ROUNDING: f64 = 1e-5;
 /// Greatest absolute dot product of two keys' unit quaternions whose rotations count as half a turn apart.

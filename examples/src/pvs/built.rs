@@ -26,7 +26,8 @@ pub enum Origin {
 /// # Errors
 ///
 /// Returns a message when the scene has no cells and `origin` is [`Origin::Given`], or when cells cannot be
-/// made from the geometry: also if instances have too many triangles to copy.
+/// made from the geometry: also if instances have too many triangles to copy, or if walls far from the origin
+/// of the world are rounded by more than the gaps between them may be wide.
 pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String> {
     if origin != Origin::Given {
         source.check_copies()?;
@@ -35,7 +36,13 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
         Origin::Given => {
             return source.cells.clone().ok_or_else(|| "this scene has no cells and portals".to_owned());
         }
-        Origin::Walls => from_walls(&boxes(source), &WallSettings::default()),
+        Origin::Walls => {
+            // Gaps of a tenth of a millimetre stay open: see `WallSettings::with_tolerance`.
+            if source.origin.abs().max_element() > 1e10 {
+                return Err("the scene's origin is too far away for cells between boxes".to_owned());
+            }
+            from_walls(&boxes(source), &WallSettings::default())
+        }
         Origin::Polygons => {
             // Space that no camera of the walks can reach counts as solid.
             let eyes: Vec<DVec3> =
@@ -60,8 +67,8 @@ pub fn cells(source: &SceneSource, origin: Origin) -> Result<SourceCells, String
     Ok(SourceCells { graph, viewcells, names, depth: 0.0, with_doorways: None })
 }
 
-/// Returns the triangles of a scene's walls in world space, without degenerate ones, and for each triangle whether it
-/// is drawn only from its front.
+/// Returns the triangles of a scene's walls in world space, without degenerate ones, and for each triangle
+/// whether it is drawn only from its front.
 pub fn polygons(source: &SceneSource) -> (Vec<ConvexPolygon>, Vec<bool>) {
     let opaque = source.objects.iter().filter(|object| object.is_wall());
     let polygon =

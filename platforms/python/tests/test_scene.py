@@ -231,9 +231,10 @@ def test_trimesh_tells_whole_numbers_that_stand_for_parts_of_one():
     # A wall as a writer of normalized whole numbers stores it, in a range that a longer mesh fills.
     wall = trimesh.creation.box(bounds=[(0, -16383, -9), (1, 16383, 9)])
     glb = trimesh.load(io.BytesIO(trimesh.Scene([wall]).export(file_type="glb")), file_type="glb")
-    scene = Scene.from_trimesh(glb)
-    lamp = scene.add_boxes([[(30, -1, -1), (31, 1, 1)]])[0]
-    assert scene.cull(View.perspective((-30, 0, 0), (0, 0, 0), fov_y=1.0)).tolist() == [0, lamp]
+    for source in [glb, glb.copy(), trimesh.Scene([mesh.copy() for mesh in glb.geometry.values()])]:
+        scene = Scene.from_trimesh(source)
+        lamp = scene.add_boxes([[(30, -1, -1), (31, 1, 1)]])[0]
+        assert scene.cull(View.perspective((-30, 0, 0), (0, 0, 0), fov_y=1.0)).tolist() == [0, lamp]
     # What is no glTF file may be in millimetres.
     scene = Scene.from_trimesh(wall, origin=(0, 0, 0))
     scene.add_boxes([[(30, -1, -1), (31, 1, 1)]])

@@ -308,7 +308,7 @@ fn beside_eye(start: [f64; 3], end: [f64; 3], rounding_of_eye: f64) -> Option<Se
     }
     let a = (at(aside, far_aside) / near, at(above, far_above) / near);
     let b = (far_aside / far, far_above / far);
-    // The far end is off by no more than other images.
+    // The far end is an image as others are, whose rounding `Segment::line` takes off.
     let lowered = (rounding_of_eye + ROUNDING * (above.abs() + far_above.abs() + a.1.abs())) / near;
     // Directions of clipped ends are off by as much as their distances are short, too.
     let rise = ((b.1 - a.1) / (b.0 - a.0)).abs();

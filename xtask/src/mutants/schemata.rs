@@ -224,7 +224,7 @@ impl Tree {
     /// Returns the files by name.
     fn write(&self, mutants: &[Mutant], batch: &[usize]) -> Result<BTreeMap<String, Mutated>, String> {
         let mut result = BTreeMap::new();
-        for package in packages(&self.package, mutants, batch) {
+        for package in packages(&self.package, mutants) {
             for file in source_files(&self.root, package)? {
                 let path = self.root.join(&file);
                 let text = std::fs::read_to_string(path).map_err(|error| format!("{file}: {error}"))?;
@@ -275,10 +275,9 @@ impl Tree {
     }
 }
 
-/// Returns the folders of a crate and of all crates that have a mutant of a batch, each once.
-fn packages<'a>(tested: &'a str, mutants: &'a [Mutant], batch: &[usize]) -> BTreeSet<&'a str> {
-    let of_batch = batch.iter().filter_map(|&index| mutants[index].file.split('/').next());
-    of_batch.chain([tested]).collect()
+/// Returns the folders of a crate and of all crates that have a mutant, each once.
+fn packages<'a>(tested: &'a str, mutants: &'a [Mutant]) -> BTreeSet<&'a str> {
+    mutants.iter().filter_map(|mutant| mutant.file.split('/').next()).chain([tested]).collect()
 }
 
 /// Stores a file, unless it has these bytes: what is not new is not compiled again.
@@ -315,7 +314,7 @@ mod tests {
         ];
         assert_eq!(texts, expected, "texts with switches");
         let of_other = [Mutant { file: "other/src/f.rs".to_owned(), ..mutants[0].clone() }];
-        let found: Vec<_> = packages("tested", &of_other, &[0]).into_iter().collect();
+        let found: Vec<_> = packages("tested", &of_other).into_iter().collect();
         assert_eq!(found, ["other", "tested"], "crates to be mutated");
         assert_eq!(batches(&[3; 1000]).len(), 2, "batches of a thousand mutants");
         Ok(())

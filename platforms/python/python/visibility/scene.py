@@ -59,7 +59,7 @@ def _is_misread(mesh):
     if not len(vertices) or (vertices == vertices[0]).all():
         return True
     greatest = np.abs(vertices).max()
-    is_gltf = getattr(getattr(mesh, "source", None), "file_type", None) in ("glb", "gltf")
+    is_gltf = "from_gltf_primitive" in (getattr(mesh, "metadata", None) or {})
     is_range = greatest >= 127 if is_gltf else greatest in (127, 255, 32767, 65535)
     return bool(is_range and (vertices == np.rint(vertices)).all())
 
@@ -78,8 +78,8 @@ class Scene(_visibility.Scene):
         trimesh keeps it with the nodes and meshes. Such are ``EXT_mesh_gpu_instancing``, ``MSFT_lod``, bodies of a
         simulation that are not static, figures of VRM, and all extensions that this package does not know; and meshes
         whose positions trimesh reads wrongly: compressed ones (``KHR_draco_mesh_compression`` without DracoPy), and
-        normalized whole numbers (``KHR_mesh_quantization``), as which count all whole numbers of glTF files of which
-        one is 127 or more, and of other meshes those up to 127, 255, 32767 or 65535. trimesh does not keep skins,
+        normalized whole numbers (``KHR_mesh_quantization``). A mesh of a glTF file counts as such if all its
+        coordinates are whole and one is 127 or more, any other mesh if the greatest is 127, 255, 32767 or 65535. trimesh does not keep skins,
         clips, morph targets, sparse accessors and ``KHR_materials_variants``: what these change is an object as
         trimesh gives it, at rest. Leave such meshes out of the source, and add a box around all of their poses by
         ``add_boxes(..., solid=False)``.
