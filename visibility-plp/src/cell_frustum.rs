@@ -101,10 +101,9 @@ impl CellFrustum {
         };
         let sides = view.planes(origin);
         let knows_eye = match eye {
-            Eye::Point(eye) => sides.by_slot().any(|(slot, near)| {
-                let distance = -near.plane.signed_distance(eye);
-                slot == NEAR && eye_error < 0.5 * (distance - near.error)
-            }),
+            Eye::Point(eye) => {
+                sides.by_slot().any(|(slot, near)| slot == NEAR && is_far_before(near, eye, eye_error))
+            }
             // Tests of boxes reckon with rays of any direction within the error.
             Eye::Direction(_) => true,
         };
@@ -280,6 +279,13 @@ impl CellFrustum {
     }
 }
 
+/// Returns whether an eye with this error is farther than twice the error before a view plane, on its outer
+/// side.
+fn is_far_before(plane: &ViewPlane, eye: DVec3, eye_error: f64) -> bool {
+    let distance = -plane.plane.signed_distance(eye);
+    eye_error < 0.5 * (distance - plane.error)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -356,6 +362,37 @@ mod tests {
         let at = (along * -900.0 - across * (900.0 * error)).as_vec3();
         let cell = Aabb::new(at - 1e-4, at + 1e-4);
         assert_ne!(frustum.classify(&cell), CellPlace::Outside, "a cell that rays may pass through");
+    }
+
+    /// An eye is known if the near plane, with the plane's error, is farther than twice the eye's error.
+    #[test]
+    fn eyes_are_known_before_the_near_plane() {
+        let near = ViewPlane { plane: Plane::new(DVec3::X, -12.0), error: 4.0 };
+        for (x, error, expected) in [
+            (2.0, 2.75, true),
+            (2.0, 3.0, false),
+            (2.0, 3.25, false),
+            (2.0, 4.5, false),
+            (22.0, 0.0, false),
+            (2.0, f64::NAN, false),
+            (2.0, f64::INFINITY, false),
+        ] {
+            let found = is_far_before(&near, DVec3::new(x, 7.0, -9.0), error);
+            assert_eq!(found, expected, "an eye at {x} with an error of {error}");
+        }
+        // A clip plane far from the eye is not the near plane: cells between both eyes may be beyond that,
+        // where maps are asked about cells.
+        let bounds = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let clip = Plane::new(DVec3::X, -900.0);
+        for (near, expected) in [(1e-18, false), (0.1, true)] {
+            let view = View::perspective(pose, 1.0, 1.0, near, 1000.0).unwrap();
+            for view in [view, view.with_clip_planes(&[clip]).unwrap()] {
+                let frustum = CellFrustum::new(&view, DVec3::splat(-9.0), &bounds);
+                assert!((1e-17..1e-3).contains(&frustum.eye_error), "{near}: the error of {frustum:?}");
+                assert_eq!(frustum.knows_eye(), expected, "a near plane at {near}: {frustum:?}");
+            }
+        }
     }
 
     /// Boxes and triangles with one corner in a plane, or nearer to the plane than the error bound, are

@@ -284,7 +284,7 @@ fn loops_beyond_the_tip_of_a_sliver_are_refused() {
     let along = |part: f32| [40.0, 1549.0 * part, 2342.0 * part];
     let part = 2f32.powi(-12);
     let sliver = [[40.0, 0.0, 2f32.powi(-80)], along(part), along(68.0 * part)];
-    let world = World { clearance: 1e-4, ..World::new(sliver, &[]) };
+    let mut world = World { clearance: 1e-4, ..World::new(sliver, &[]) };
     let beyond = [
         [-1.019_049_178_968_708_8, -1.540_744_465_555_013_5],
         [-0.217_478_971_740_755_12, -0.328_815_850_107_713_64],
@@ -299,7 +299,8 @@ fn loops_beyond_the_tip_of_a_sliver_are_refused() {
     let [min, max] = around(middle + across);
     let [from, to] = around(middle - across);
     let line = [(min + max) / 2.0, (from + to) / 2.0].map(|x| x.to_array());
-    let step = ring(world.piece(0), &corners, line, &[const { LoopEdge::Inside }; 4]);
+    let piece = world.triangles.push_piece(&[0]);
+    let step = ring(piece, &corners, line, &[const { LoopEdge::Inside }; 4]);
     let target = Target::Box { min: from, max: to };
     let cell = CellBox { min, max };
     let proof = Proof { cell, target, clearance: world.clearance, steps: vec![step; 4] };
