@@ -407,6 +407,21 @@ mod tests {
         }
     }
 
+    /// The error of an uncertain eye decides how far the near plane must be.
+    #[test]
+    fn uncertain_eyes_are_known_from_two_errors_before_the_near_plane() {
+        let bounds = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+        for number in 0..7 {
+            let error = ViewProjection::new(&uncertain_views(0.1)[number], DVec3::ZERO).eye_error();
+            for (part, expected) in [(1.5, false), (2.5, true)] {
+                // w is the distance from the eye's plane times the root of 3.
+                let view = &uncertain_views(part * error * sqrt(3.0))[number];
+                let found = CellFrustum::new(view, DVec3::ZERO, &bounds).knows_eye();
+                assert_eq!(found, expected, "view {number}: a near plane at {part} errors of {error}");
+            }
+        }
+    }
+
     /// Eyes in a plane, up to rounding, that are not certainly before it.
     #[test]
     fn eyes_that_rounding_puts_before_the_near_plane_are_unknown() {
@@ -500,8 +515,8 @@ mod tests {
     }
 
     /// Returns views whose rows of the matrix are so nearly parallel that the eye's error is far greater than
-    /// rounding: seven perspective views, then seven parallel views.
-    fn uncertain_views() -> Vec<View> {
+    /// rounding: seven perspective views, whose w is `near` at the near plane, then seven parallel views.
+    fn uncertain_views(near: f64) -> Vec<View> {
         let mut random = Random(71);
         let of = |rows: [[f64; 4]; 4], depth| {
             let matrix: [f64; 16] = core::array::from_fn(|i| rows[i % 4][i / 4]);
@@ -512,7 +527,7 @@ mod tests {
         let perspective = (0..7).map(|_| random.vector(9.0)).map(|eye| {
             let w = [1.0, 1.0, 1.0, -eye.element_sum()];
             let (x, y) = ([1.0, 0.0, 0.0, -eye.x], [0.0, 1.0, 0.0, -eye.y]);
-            of([plus(w, x), y, [0.0, 0.0, 0.0, 0.1], w], Depth::ReversedInfinite)
+            of([plus(w, x), y, [0.0, 0.0, 0.0, near], w], Depth::ReversedInfinite)
         });
         let perspective: Vec<View> = perspective.collect();
         let parallel = (0..7).map(|_| random.vector(1.0)).map(|off| {
@@ -529,7 +544,7 @@ mod tests {
     fn the_error_of_the_eye_closes_no_face() {
         let bounds = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
         let (mut random, mut largest) = (Random(72), [0.0f64; 2]);
-        for (number, view) in uncertain_views().iter().enumerate() {
+        for (number, view) in uncertain_views(0.1).iter().enumerate() {
             let error = ViewProjection::new(view, DVec3::ZERO).eye_error();
             let frustum = CellFrustum::new(view, DVec3::ZERO, &bounds);
             assert_eq!(frustum.eye_error, error, "view {number}: the error of the eye");
