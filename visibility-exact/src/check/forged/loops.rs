@@ -278,7 +278,8 @@ fn loops_off_the_plane_of_a_sliver_are_refused() {
 }
 
 /// A sliver so sharp that rounding lets points 1 m beyond its tip count as on the inner side of all sides:
-/// the tip is off the line through the other corners by less than 2^-53. A loop beyond the tip is around no occluder.
+/// the tip is off the line through the other corners by less than 2^-53. A loop beyond it is around no
+/// occluder.
 #[test]
 fn loops_beyond_the_tip_of_a_sliver_are_refused() {
     let along = |part: f32| [40.0, 3659.0 * part, 3813.0 * part];
