@@ -68,8 +68,9 @@ pub(crate) struct CellFrustum {
     /// Bound on the error of `eye`: in metres for a point; for a direction, the length of the difference of
     /// unit vectors. Infinite where rounding leaves the eye undecided.
     pub(crate) eye_error: f64,
-    /// False for an eye point that is not finite, or whose error is not below half of its distance from the
-    /// near plane. Its cell may then be another than that of the exact eye, with things in view between.
+    /// False for an eye point that is not finite, or whose error is not certainly below half of its distance
+    /// from the near plane. Its cell may then be another than that of the exact eye, with things in view
+    /// between.
     knows_eye: bool,
     /// View planes; only the first `count` are valid.
     planes: [BoundedPlane; MAX_PLANES],
@@ -101,10 +102,9 @@ impl CellFrustum {
         };
         let sides = view.planes(origin);
         let knows_eye = match eye {
-            Eye::Point(eye) => sides.by_slot().any(|(slot, near)| {
-                let distance = -near.plane.signed_distance(eye);
-                slot == NEAR && eye_error < 0.5 * (distance - near.error)
-            }),
+            Eye::Point(eye) => {
+                sides.by_slot().any(|(slot, near)| slot == NEAR && is_far_before(near, eye, eye_error))
+            }
             // Tests of boxes reckon with rays of any direction within the error.
             Eye::Direction(_) => true,
         };
@@ -114,12 +114,9 @@ impl CellFrustum {
         for with_eye_inside in [true, false] {
             for plane in sides.as_slice() {
                 let mut bounded = BoundedPlane::new(plane, reach);
-                // The products and sums of a signed distance are rounded by less than 1e-15 of their
-                // magnitudes. The error of the plane's own offset adds to this.
                 let eye_is_inside = match eye {
                     Eye::Point(eye) => {
-                        bounded.distance(eye)
-                            >= -plane.error - 1e-15 * (4.0 * eye.abs().max_element() + bounded.offset.abs())
+                        bounded.distance(eye) >= -plane.error - distance_rounding(eye, bounded.offset)
                     }
                     // An eye at infinity lies outside of every plane whose inner side view rays enter. The
                     // cosine is rounded by a few times 2^-53, beside the error of the direction.
@@ -280,6 +277,21 @@ impl CellFrustum {
     }
 }
 
+/// Returns whether an eye with this error is certainly farther than twice the error before a view plane, on
+/// its outer side.
+fn is_far_before(plane: &ViewPlane, eye: DVec3, eye_error: f64) -> bool {
+    let distance = -plane.plane.signed_distance(eye);
+    eye_error < 0.5 * (distance - plane.error - distance_rounding(eye, plane.plane.offset))
+}
+
+/// Returns a bound on the error in metres of the signed distance of an eye from a view plane, beside the
+/// error of the plane's own offset. The normal's components have relative errors of 8 * 2^-52. The magnitudes
+/// of the three products sum up to at most 1.74 times the greatest coordinate, and are rounded three times by
+/// 2^-53. Together this is less than 3.7 * 10^-15 of that coordinate. The sum with the offset is rounded once.
+fn distance_rounding(eye: DVec3, offset: f64) -> f64 {
+    1e-15 * (4.0 * eye.abs().max_element() + offset.abs())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -358,6 +370,78 @@ mod tests {
         assert_ne!(frustum.classify(&cell), CellPlace::Outside, "a cell that rays may pass through");
     }
 
+    /// An eye is known if the near plane, with the plane's error, is farther than twice the eye's error.
+    #[test]
+    fn eyes_are_known_before_the_near_plane() {
+        let near = ViewPlane { plane: Plane::new(DVec3::X, -12.0), error: 4.0 };
+        for (x, error, expected) in [
+            (2.0, 2.75, true),
+            (2.0, 3.0, false),
+            (2.0, 3.25, false),
+            (2.0, 4.5, false),
+            (22.0, 0.0, false),
+            (2.0, f64::NAN, false),
+            (2.0, f64::INFINITY, false),
+        ] {
+            let found = is_far_before(&near, DVec3::new(x, 7.0, -9.0), error);
+            assert_eq!(found, expected, "an eye at {x} with an error of {error}");
+        }
+        let far = DVec3::new(2.0, -1e15, 9.0);
+        assert_eq!(
+            [0.9, 1.1].map(|error| is_far_before(&near, far, error)),
+            [true, false],
+            "an eye at {far}"
+        );
+        // A clip plane far from the eye is not the near plane: cells between both eyes may be beyond that,
+        // where maps are asked about cells.
+        let bounds = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let clip = Plane::new(DVec3::X, -900.0);
+        for (near, expected) in [(1e-18, false), (0.1, true)] {
+            let view = View::perspective(pose, 1.0, 1.0, near, 1000.0).unwrap();
+            for view in [view, view.with_clip_planes(&[clip]).unwrap()] {
+                let frustum = CellFrustum::new(&view, DVec3::splat(-9.0), &bounds);
+                assert!((1e-17..1e-3).contains(&frustum.eye_error), "{near}: the error of {frustum:?}");
+                assert_eq!(frustum.knows_eye(), expected, "a near plane at {near}: {frustum:?}");
+            }
+        }
+    }
+
+    /// The error of an uncertain eye decides how far the near plane must be.
+    #[test]
+    fn uncertain_eyes_are_known_from_two_errors_before_the_near_plane() {
+        let bounds = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+        for number in 0..7 {
+            let error = ViewProjection::new(&uncertain_views(0.1)[number], DVec3::ZERO).eye_error();
+            for (part, expected) in [(1.5, false), (2.5, true)] {
+                // w is the distance from the eye's plane times the root of 3.
+                let view = &uncertain_views(part * error * sqrt(3.0))[number];
+                let found = CellFrustum::new(view, DVec3::ZERO, &bounds).knows_eye();
+                assert_eq!(found, expected, "view {number}: a near plane at {part} errors of {error}");
+            }
+        }
+    }
+
+    /// Eyes in a plane, up to rounding, that are not certainly before it.
+    #[test]
+    fn eyes_that_rounding_puts_before_the_near_plane_are_unknown() {
+        let mut random = Random(74);
+        let mut wrong_without = 0;
+        for _ in 0..10_000 {
+            let (normal, eye) = (random.integers(1 << 52), random.integers(1 << 40));
+            let float = |p: IntVector| DVec3::from_array(p.map(|x| x as f64));
+            // In units of 2^-53. The offset is rounded, which puts the eye on one of the plane's sides.
+            let products: i128 = (0..3).map(|i| i128::from(normal[i]) * i128::from(eye[i])).sum();
+            let offset = -products as f64;
+            let unit = 2f64.powi(53);
+            let near = ViewPlane { plane: Plane::new(float(normal) / unit, offset / unit), error: 0.0 };
+            let is_inside = products + offset as i128 >= 0;
+            wrong_without += u32::from(is_inside && near.plane.signed_distance(float(eye)) < 0.0);
+            assert!(!is_inside || !is_far_before(&near, float(eye), 0.0), "{near:?} from {eye:?}");
+        }
+        assert!(wrong_without > 100, "{wrong_without} eyes seem to be before a plane");
+    }
+
     /// Boxes and triangles with one corner in a plane, or nearer to the plane than the error bound, are
     /// classified as neither outside nor inside.
     #[test]
@@ -431,8 +515,8 @@ mod tests {
     }
 
     /// Returns views whose rows of the matrix are so nearly parallel that the eye's error is far greater than
-    /// rounding: seven perspective views, then seven parallel views.
-    fn uncertain_views() -> Vec<View> {
+    /// rounding: seven perspective views, whose w is `near` at the near plane, then seven parallel views.
+    fn uncertain_views(near: f64) -> Vec<View> {
         let mut random = Random(71);
         let of = |rows: [[f64; 4]; 4], depth| {
             let matrix: [f64; 16] = core::array::from_fn(|i| rows[i % 4][i / 4]);
@@ -443,7 +527,7 @@ mod tests {
         let perspective = (0..7).map(|_| random.vector(9.0)).map(|eye| {
             let w = [1.0, 1.0, 1.0, -eye.element_sum()];
             let (x, y) = ([1.0, 0.0, 0.0, -eye.x], [0.0, 1.0, 0.0, -eye.y]);
-            of([plus(w, x), y, [0.0, 0.0, 0.0, 0.1], w], Depth::ReversedInfinite)
+            of([plus(w, x), y, [0.0, 0.0, 0.0, near], w], Depth::ReversedInfinite)
         });
         let perspective: Vec<View> = perspective.collect();
         let parallel = (0..7).map(|_| random.vector(1.0)).map(|off| {
@@ -460,7 +544,7 @@ mod tests {
     fn the_error_of_the_eye_closes_no_face() {
         let bounds = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
         let (mut random, mut largest) = (Random(72), [0.0f64; 2]);
-        for (number, view) in uncertain_views().iter().enumerate() {
+        for (number, view) in uncertain_views(0.1).iter().enumerate() {
             let error = ViewProjection::new(view, DVec3::ZERO).eye_error();
             let frustum = CellFrustum::new(view, DVec3::ZERO, &bounds);
             assert_eq!(frustum.eye_error, error, "view {number}: the error of the eye");
@@ -515,9 +599,9 @@ mod tests {
         assert!(below > 5_000, "{below} faces seem to be on the wrong side");
     }
 
-    /// Nothing is known of a face at NaN, nor of an eye.
+    /// Faces as far behind the eye as the margin are exits. Nothing is known of a face at NaN, nor of an eye.
     #[test]
-    fn faces_at_nan_are_exits() {
+    fn faces_at_the_margin_and_at_nan_are_exits() {
         let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
         let window = Window::centered(1.0, 1.0);
         let views = [View::perspective(pose, 1.0, 1.0, 0.1, 9.0), View::orthographic(pose, window, 0.0, 9.0)];
@@ -525,6 +609,12 @@ mod tests {
             let mut frustum = CellFrustum::new(&view, DVec3::ZERO, &Aabb::from_arrays([-1.0; 3], [1.0; 3]));
             let point = DVec3::new(-1.0, 0.0, 0.0);
             assert!(frustum.may_exit_through(point, DVec3::NAN), "a face at NaN of {view:?}");
+            for (margin, expected) in [(-1.0, 2), (-0.875, 1)] {
+                frustum.exit_margin = margin;
+                let exits = [DVec3::X, DVec3::NEG_X].map(|normal| frustum.may_exit_through(point, normal));
+                let count = exits.into_iter().filter(|&exit| exit).count();
+                assert_eq!(count, expected, "exits of two with a margin of {margin}: {view:?}");
+            }
             frustum.exit_margin = f64::NAN;
             assert!(frustum.may_exit_through(point, DVec3::NEG_X), "an eye at NaN of {view:?}");
         }

@@ -85,16 +85,15 @@ impl Check<'_> {
     }
 }
 
-/// Returns the distance of a point from a triangle.
+/// Returns the distance of a point from a triangle. For a point over the inside, that is its distance from
+/// the triangle's plane.
 fn distance(x: DVec3, t: &[DVec3; 3]) -> f64 {
     let sides = [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
-    let beside =
-        sides.into_iter().fold(f64::INFINITY, |least, side| least.min(distance_from_segment(x, side)));
-    let Some(normal) = unit_normal(t) else { return beside };
-    if sides.into_iter().all(|side| is_inside(normal, side, x)) {
-        beside.min(normal.dot(x - t[0]).abs())
-    } else {
-        beside
+    match unit_normal(t) {
+        Some(normal) if sides.into_iter().all(|side| is_inside(normal, side, x)) => {
+            normal.dot(x - t[0]).abs()
+        }
+        _ => sides.into_iter().fold(f64::INFINITY, |least, side| least.min(distance_from_segment(x, side))),
     }
 }
 

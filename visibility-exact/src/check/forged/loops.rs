@@ -277,26 +277,28 @@ fn loops_off_the_plane_of_a_sliver_are_refused() {
     assert_eq!(proof.check(&world.triangles), Err(ProofError::Loop), "a loop off its occluder");
 }
 
-/// A sliver so sharp that rounding lets points 1 m beyond its tip count as on the inner side of all sides. A
-/// loop there is around no occluder.
+/// A sliver so sharp that rounding lets points 1 m beyond its tip count as on the inner side of all sides:
+/// the tip is off the line through the other corners by less than 2^-53. A loop beyond it is around no
+/// occluder.
 #[test]
 fn loops_beyond_the_tip_of_a_sliver_are_refused() {
-    let sliver = [
-        [40.0, 0.0, 0.0],
-        [40.0, 50.574_085_235_595_7, 26.524_127_960_205_078],
-        [40.0, 44.116_851_806_640_625, 23.137_561_798_095_703],
-    ];
-    let world = World { clearance: 1e-4, ..World::new(sliver.map(|x| x.map(|x: f64| x as f32)), &[]) };
+    let along = |part: f32| [40.0, 3659.0 * part, 3813.0 * part];
+    let part = 2f32.powi(-12);
+    let sliver = [[40.0, 0.0, 0.75 * 2f32.powi(-53)], along(part), along(49.0 * part)];
+    let world = World { clearance: 1e-4, ..World::new(sliver, &[]) };
     let beyond = [
-        [-1.124_245_622_803_942_4, -0.589_622_820_047_848_9],
-        [-0.702_237_610_137_606_7, -0.368_296_137_102_421_1],
+        [-2.133_088_926_160_634, -2.222_866_377_548_646],
+        [-1.045_192_326_530_675_7, -1.089_182_383_454_896_4],
     ];
     let at = |x: f64, [y, z]: [f64; 2]| DVec3::new(40.0 + x, y, z);
     let [a, b] = beyond;
     let corners = [at(-2.9e-4, a), at(-2.9e-4, b), at(2.9e-4, b), at(2.9e-4, a)];
-    let around = |y: f64, z: f64| [-1e-9, 1e-9].map(|by| DVec3::new(40.0, y, z) + DVec3::splat(by));
-    let [min, max] = around(0.480_137_061_2, -3.135_742_469_4);
-    let [from, to] = around(-2.306_620_294_2, 2.177_823_512_3);
+    let around = |middle: DVec3| [-1e-9, 1e-9].map(|by| middle + DVec3::splat(by));
+    // From one side of the sliver's line to the other.
+    let middle = (at(0.0, a) + at(0.0, b)) / 2.0;
+    let across = DVec3::new(0.0, 3813.0, -3659.0).normalize() * 3.0;
+    let [min, max] = around(middle + across);
+    let [from, to] = around(middle - across);
     let line = [(min + max) / 2.0, (from + to) / 2.0].map(|x| x.to_array());
     let step = ring(world.piece(0), &corners, line, &[const { LoopEdge::Inside }; 4]);
     let target = Target::Box { min: from, max: to };

@@ -58,8 +58,12 @@ fn corners_are_near_their_occluder() {
         for (part, expected) in [(0.0, true), (0.97, true), (1.03, false)] {
             let mut ring = untagged(&UPRIGHT);
             ring[0].0.x += part * reach;
-            let found = holds(&world, world.piece(1), &ring);
-            assert_eq!(found, expected, "clearance {clearance}: a corner off by {part} of {reach}");
+            // Over the middle of the occluder, far from its sides.
+            ring[1].0 = DVec3::new(part * reach, 0.0, 50.0);
+            for ring in [[ring[0], ring[2]], [ring[1], ring[2]]] {
+                let found = holds(&world, world.piece(1), &ring);
+                assert_eq!(found, expected, "clearance {clearance}: {ring:?} off by {part} of {reach}");
+            }
         }
     }
 }

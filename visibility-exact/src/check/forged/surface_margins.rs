@@ -32,12 +32,36 @@ fn sample_lines_begin_and_end_within_an_error_of_the_polygons() {
     let line = [DVec3::new(-72.0, 8.0, 0.0), DVec3::new(80.0, 4.0, 2.0)];
     assert!(check.surface_blocks(&sight, &[1], &[], line), "a line from and to the polygons' sides");
     for (end, out) in [(0, DVec3::X), (0, -DVec3::X), (0, DVec3::Y), (1, DVec3::X), (1, -DVec3::Z)] {
-        for (part, expected) in [(0.95, true), (1.05, false)] {
+        for (part, expected) in [(0.95, true), (1.0, true), (1.05, false)] {
             let mut line = line;
             line[end] += out * (part * delta);
             let found = check.surface_blocks(&sight, &[1], &[], line);
             assert_eq!(found, expected, "end {end} off by {part} errors along {out}");
         }
+    }
+}
+
+/// Sample lines from a viewcell that is a point begin within an error of positions of the point, not anywhere
+/// in the planes of its faces.
+#[test]
+fn sample_lines_of_a_viewcell_that_is_a_point_begin_there() {
+    let (mut world, delta) = world();
+    let eye = DVec3::new(-72.0, 4.0, 0.0);
+    world.cell = CellBox { min: eye, max: eye };
+    let beside = WALL.map(|[_, y, z]| [0.0, y + 400.0, z]);
+    for (wall, parts) in [(WALL.map(|[_, y, z]| [0.0, y, z]), true), (beside, false)] {
+        world.triangles = scene_of(&[(TARGET, true), (wall, true)]);
+        let (check, sight) = world.node_from(-DVec3::X);
+        let holds =
+            |start: DVec3| check.surface_blocks(&sight, &[1], &[], [start, DVec3::new(80.0, 4.0, 3.0)]);
+        for out in [DVec3::Y, -DVec3::Y, DVec3::Z] {
+            let found = [0.0, 0.95, 1.0, 1.05, 1e3].map(|part| holds(eye + out * (part * delta)));
+            assert_eq!(found, [parts, parts, parts, false, false], "{wall:?}: beside the point along {out}");
+        }
+        // The target is seen past the wall beside, which this line crosses.
+        let far = eye + DVec3::Y * 800.0;
+        assert_ne!(crosses([far, DVec3::new(80.0, 4.0, 3.0)], &world.triangles.corners(1)), None, "{wall:?}");
+        assert!(!holds(far), "{wall:?}: a line from far beside the point");
     }
 }
 

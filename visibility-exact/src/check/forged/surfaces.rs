@@ -266,17 +266,23 @@ fn lines_that_end_beyond_a_sharp_corner_are_refused() {
 }
 
 /// With a clearance, the sample line ends where its proof says. Moved before the target's plane, it would
-/// cross a triangle that all segments miss.
+/// cross a triangle that all segments miss, and the proof that a wall hides the target would be lost.
 #[test]
 fn lines_of_proofs_with_a_clearance_are_not_moved() {
     let target = [[78.0, 3.0, -3.0], [82.0, 7.0, 0.0], [78.0, 3.0, 3.0]];
-    let mut world = World::new(target, &[[[72.0, 7.5, -50.0], [72.0, 7.5, 50.0], [72.0, 100.0, 0.0]]]);
+    let wall = [[40.0, -300.0, -100.0], [40.0, 300.0, -100.0], [40.0, 0.0, 400.0]];
+    let beside = [[72.0, 7.5, -50.0], [72.0, 7.5, 50.0], [72.0, 100.0, 0.0]];
     let high = 11.145816901406112;
-    world.cell = CellBox { min: DVec3::new(-8.0, 0.0, -4.0), max: DVec3::new(0.0, high, 4.0) };
-    world.clearance = 1.0 / 128.0;
     let line = [[0.0, high, 0.0], [81.98342718481594, 6.99447572827198, 0.0]];
-    let seen = [[0.0; 3], [80.0, 5.0, 0.0]];
-    assert_eq!(world.error(seen, vec![surface(&[1], line)]), SURFACE, "a line just below the triangle");
+    for (occluders, surfaces, expected) in
+        [(vec![beside], vec![1], SURFACE), (vec![wall, beside], vec![1, 2], None)]
+    {
+        let mut world = World::new(target, &occluders);
+        world.cell = CellBox { min: DVec3::new(-8.0, 0.0, -4.0), max: DVec3::new(0.0, high, 4.0) };
+        world.clearance = 1.0 / 128.0;
+        let found = world.proof(vec![surface(&surfaces, line)]).check(&world.triangles).err();
+        assert_eq!(found, expected, "a line just below a triangle: {surfaces:?}");
+    }
 }
 
 /// With a clearance, a sample line may begin and end a little beside the polygons. Here it crosses a triangle
@@ -302,18 +308,15 @@ fn lines_that_end_beside_a_corner_of_the_target_are_refused() {
     world.refuses_surface(1, line, [[0.0, 4.0, 4.0], [80.0, 6.0, 1.0]], "an end beside the target");
 }
 
-/// A target with a tip so sharp that rounding lets a point far beyond it count as on the inner side of both
-/// sides.
+/// A target with a tip so sharp that rounding lets a point far beyond it count as on the inner side of all
+/// sides: two corners are along one direction from the third, which is off their line by 2^-80.
 #[test]
 fn lines_that_end_beyond_a_tip_by_rounding_are_refused() {
-    let target = [
-        [80.0, 0.0, 0.0],
-        [80.0, 3.580_784_797_668_457, 3.374_252_796_173_095_7],
-        [80.0, 4.179_080_009_460_449, 3.938_039_779_663_086],
-    ];
-    let target = target.map(|corner| corner.map(|x: f64| x as f32));
-    let mut world = World::new(target, &[[[40.0, -6e-9, -10.0], [40.0, -6e-9, 10.0], [40.0, -100.0, 0.0]]]);
+    let along = |part: f32| [80.0, 2700.0 * part, 2563.0 * part];
+    let part = 2f32.powi(-21);
+    let target = [[80.0, 0.0, -2f32.powi(-80)], along(part), along(594.0 * part)];
+    let mut world = World::new(target, &[[[40.0, -0.5, -10.0], [40.0, -0.5, 10.0], [40.0, -100.0, 0.0]]]);
     world.cell = CellBox { min: DVec3::new(-8.0, 0.0, -4.0), max: DVec3::new(0.0, 8.0, 4.0) };
-    let line = [[0.0; 3], [80.0, -2.384_406_644_288_528e-8, -2.246_879_154_619_514_8e-8]];
-    world.refuses_surface(1, line, [[0.0; 3], [80.0, 0.0, 0.0]], "an end beyond a tip");
+    let line = [[0.0; 3], [80.0, -1.692_963_001_599_812, -1.607_060_804_851_97]];
+    world.refuses_surface(1, line, [[0.0; 3], along(part).map(f64::from)], "an end beyond a tip");
 }
