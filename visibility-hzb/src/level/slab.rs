@@ -332,35 +332,40 @@ mod tests {
     }
 
     /// All eyes within the error of an eye are in front of the faces, also of those that are tilted away from
-    /// it the most.
+    /// it the most. Some come near to these.
     #[test]
     fn eyes_within_the_error_are_before_all_faces() {
-        let (mut random, mut frame, mut least, mut found) = (random(55), frame(), f64::INFINITY, 0);
+        let (mut random, mut frame, mut least, mut found) = (random(55), frame(), f64::INFINITY, [0; 2]);
         for trial in 0..40_000 {
             let normal = vector(&mut random, 1.0).normalize();
             let across = normal.any_orthonormal_vector();
-            let (min_cosine, radius) = (random(0.3, 1.0), random(0.0, 1.0));
-            let sine = (1.0 - min_cosine * min_cosine).sqrt();
+            let (sine, radius) = (10.0f64.powf(random(-2.0, -0.1)), random(0.0, 1.0));
+            let min_cosine = (1.0 - sine * sine).sqrt();
             frame.eye = vector(&mut random, 10.0);
             let height = random(0.0, 9.0);
-            let middle = frame.eye - normal * height + across * random(0.0, 9.0) * f64::from(trial % 4);
-            // Close to the limit at which the eye is still certain.
+            let middle = frame.eye - normal * height + across * random(0.0, 9.0);
+            // About the limit at which the eye is still certain.
             let limit = height - sine * ((frame.eye - middle).length() + radius);
-            frame.eye_error = limit * (1.0 - random(0.0, 1e-3));
+            frame.eye_error = limit * (1.0 + random(-0.2, 0.2));
             let own = polygon(normal, [normal.dot(middle); 2], min_cosine, false);
-            if frame.eye_error <= 0.0 || !faces_eye(&frame, &own, middle, radius) {
+            if limit <= 0.01 * height {
+                continue;
+            }
+            let faces = faces_eye(&frame, &own, middle, radius);
+            found[usize::from(faces)] += 1;
+            if !faces {
                 continue;
             }
             for end in [-radius, radius] {
                 let from = frame.eye - (middle + across * end);
                 let tilted = [-sine, sine].map(|sine| from.dot(normal * min_cosine + across * sine));
-                let above = tilted[0].min(tilted[1]) - frame.eye_error;
-                assert!(above > 0.0, "trial {trial}: an eye {above} above a face");
-                least = least.min(above / height);
+                let above = tilted[0].min(tilted[1]) / frame.eye_error;
+                assert!(above > 1.0, "trial {trial}: {above} errors of the eye above a face");
+                least = least.min(above);
             }
-            found += 1;
         }
-        assert!(found > 2_000 && least < 0.01, "{found} eyes before all faces, the nearest {least}");
+        assert!(found.iter().all(|&count| count > 2_000), "{found:?} eyes behind a face and before all");
+        assert!(least < 1.01, "{least} errors above the nearest face");
     }
 
     /// The depth plane is below the exact depth keys of points on the far side of the slab.
