@@ -17,6 +17,11 @@ pub(crate) fn up(x: f64) -> f32 {
 /// Returns an `f32` that is not above `x`, within a relative distance of about 2^-22 or an absolute one of a
 /// few 1e-38. Takes fewer instructions than [`down`]: rounding moves `x` by half a unit in the last place at
 /// most, and a whole unit is subtracted first.
+///
+/// Numbers beyond the greatest `f32` by more than 1.2e-7 of it become infinity, which is above `x`. As the
+/// depth key of an occluder, infinity hides what `x` does: every finite `f32` is below `x`, a key above `x` is
+/// rounded up to infinity as well, and equal keys do not hide. Numbers below the least `f32` become negative
+/// infinity. NaN and infinity become NaN.
 #[inline(always)]
 pub(crate) fn lower(x: f64) -> f32 {
     (x - (x.abs() * f64::from(f32::EPSILON) + f64::from(f32::MIN_POSITIVE))) as f32
@@ -77,6 +82,20 @@ mod tests {
             [true, false, false, true],
             "numbers beyond f32 become the greatest number or infinity"
         );
+    }
+
+    /// Only numbers beyond the greatest `f32`, which are above all finite ones, are lowered to infinity. No
+    /// other number is lowered to one above it.
+    #[test]
+    fn numbers_beyond_f32_are_lowered_to_infinity() {
+        let most = f64::from(f32::MAX);
+        for x in [most, most * (1.0 + 1e-8), most * (1.0 + 1e-7), most * (1.0 + 1e-6), most * 2.0, 1e300] {
+            assert_eq!(lower(x) == f32::INFINITY, x > most * (1.0 + 1.1e-7), "{x} lowered is {}", lower(x));
+            assert!(f64::from(lower(x)) < x || x > most, "{x} lowered is {}", lower(x));
+            assert!(f64::from(lower(-x)) < -x, "{} lowered is {}", -x, lower(-x));
+        }
+        assert_eq!(lower(f64::NEG_INFINITY), f32::NEG_INFINITY, "the least number");
+        assert!(lower(f64::NAN).is_nan() && lower(f64::INFINITY).is_nan(), "no number");
     }
 
     #[test]

@@ -723,8 +723,8 @@ impl Culler for OnlinePvs {
 mod tests {
     use super::*;
     use alloc::vec;
-    use visibility_core::glam::Vec3;
-    use visibility_core::{Aabb, Pose};
+    use visibility_core::glam::{Affine3A, Vec3};
+    use visibility_core::{Aabb, Object, OccluderMesh, Pose};
 
     fn online(viewcell: f64, wide: f64, margin: f64) -> OnlinePvs {
         OnlinePvs::new(DVec3::splat(viewcell), DVec3::splat(wide)).unwrap().with_margin(margin)
@@ -738,6 +738,14 @@ mod tests {
             scene.insert(Aabb::new(at, at + 0.5));
         }
         scene
+    }
+
+    /// Adds an occluder that fills its bounds.
+    fn occluder(scene: &mut Scene, bounds: Aabb) -> ObjectId {
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        id
     }
 
     /// Steps until all places have viewcells.
@@ -834,17 +842,114 @@ mod tests {
         }
     }
 
+    /// A viewcell is the part of its box in the wide box around its place, if that is at least half of it along
+    /// each axis; otherwise a wide box is begun.
+    #[test]
+    fn viewcells_are_clipped_to_wide_boxes() {
+        let scene = scene();
+        for axis in 0..3 {
+            for (ends, clipped) in [
+                ([-9.0, 9.0], Some([-1.0, 1.0])),
+                ([-0.75, 9.0], Some([-0.75, 1.0])),
+                ([-9.0, 0.5], Some([-1.0, 0.5])),
+                ([-0.5, 0.75], Some([-0.5, 0.75])),
+                ([-0.5, 0.25], None),
+                ([0.0, 9.0], None),
+            ] {
+                let (mut online, mut wide) =
+                    (online(2.0, 9.0, 0.25), [DVec3::splat(-9.0), DVec3::splat(9.0)]);
+                (wide[0][axis], wide[1][axis]) = (ends[0], ends[1]);
+                let cell = Viewcell::from_box(wide[0], wide[1]);
+                online.made[WIDE].push(Made { cell, hidden: Bits::EMPTY, seen: Vec::new(), used: 1 });
+                online.begin(&scene, &[DVec3::ZERO], 0, DVec3::ZERO);
+                let job = online.job.unwrap();
+                let found = (job.level == NEAR).then(|| [job.cell.min[axis], job.cell.max[axis]]);
+                assert_eq!(found, clipped, "axis {axis}: a viewcell in a wide box from {ends:?}");
+                let size = job.cell.max - job.cell.min;
+                let others = (0..3).filter(|&other| other != axis && job.level == NEAR);
+                assert!(others.into_iter().all(|other| size[other] == 2.0), "axis {axis}: a size of {size}");
+            }
+        }
+    }
+
+    /// Sweeps beside are left out in directions in which they did not pay, but for one that is tried anew.
+    #[test]
+    fn sweeps_beside_are_made_where_they_pay_and_where_they_are_tried() {
+        let (scene, mut online) = (scene(), online(2.0, 3.0, 0.25));
+        for (turn, pays, expected) in [
+            (12, [false; 6], [6, 12, 12]),
+            (13, [false, false, false, true, false, false], [7, 9, 12]),
+            (18, [false, false, true, false, false, true], [8, 11, 12]),
+            (6, [false; 6], [12, 12, 12]),
+        ] {
+            online.begin(&scene, &[DVec3::ZERO], 0, DVec3::ZERO);
+            (online.turns[WIDE], online.pays[WIDE]) = (turn, pays);
+            online.job.as_mut().unwrap().next = 5;
+            let mut found = [0; 3];
+            for next in &mut found {
+                online.go_to_next(&scene);
+                let job = online.job.as_mut().unwrap();
+                *next = job.next;
+                job.next = job.next.min(11);
+            }
+            assert_eq!(found, expected, "turn {turn}, where {pays:?} pay");
+        }
+    }
+
+    /// A wide box asks all objects that are left beside: one above a ceiling begins farther aside than up, and
+    /// is hidden upwards.
+    #[test]
+    fn wide_boxes_ask_all_objects_beside() {
+        let (mut scene, mut online) = (scene(), online(2.0, 3.0, 0.25));
+        occluder(&mut scene, Aabb::from_arrays([-30.0, -30.0, 3.0], [30.0, 30.0, 3.2]));
+        let above = scene.insert(Aabb::from_arrays([5.0, -0.5, 4.0], [9.0, 0.5, 4.5]));
+        finish(&mut online, &scene, &[DVec3::ZERO]);
+        assert!(online.made[WIDE][0].hidden.contains(above.index()), "a box above the ceiling");
+    }
+
+    /// What the last viewcell saw is asked again within six viewcells.
+    #[test]
+    fn viewcells_forget_what_is_out_of_sight() {
+        let mut scene = scene();
+        occluder(&mut scene, Aabb::from_arrays([-3.0, 5.0, -9.0], [3.0, 5.2, 9.0]));
+        let post = scene.insert(Aabb::from_arrays([0.0, 8.0, 0.0], [0.1, 8.1, 0.1]));
+        let sizes = [DVec3::splat(0.5), DVec3::new(40.0, 1.0, 8.0)];
+        let mut online = OnlinePvs::new(sizes[0], sizes[1]).unwrap().with_margin(0.1);
+        let mut hides = |place: DVec3| {
+            finish(&mut online, &scene, &[place]);
+            assert_eq!(online.made[WIDE].len(), 1, "wide boxes around {place}");
+            online.hidden_from(&scene, place, place).unwrap().contains(post.index())
+        };
+        assert!(!hides(DVec3::X * 15.0), "the post is seen past the wall's end");
+        let hidden = (0..6).filter(|&i| hides(DVec3::Z * (f64::from(i) - 2.5))).count();
+        assert!(hidden > 0, "the post is taken as seen behind the wall");
+    }
+
+    /// Lists of what came and went hold all objects whose answers differ, also where one of the frames has no
+    /// box.
+    #[test]
+    fn differences_are_between_frames_with_and_without_boxes() {
+        let (mut scene, mut online) = (Scene::new(), online(2.0, 3.0, 0.25));
+        occluder(&mut scene, Aabb::from_arrays([-9.0, 5.0, -9.0], [9.0, 5.2, 9.0]));
+        let post = scene.insert(Aabb::from_arrays([0.0, 8.0, 0.0], [0.1, 8.1, 0.1]));
+        finish(&mut online, &scene, &[DVec3::ZERO]);
+        for (x, came, went) in [(0.0, vec![], vec![post]), (0.0, vec![], vec![]), (90.0, vec![post], vec![])]
+        {
+            let eye = DVec3::X * x;
+            let pose = Pose::look_at(eye, eye + DVec3::Y, DVec3::Z);
+            let view = View::perspective(pose, 1.0, 1.0, 0.01, 9.0).unwrap();
+            online.cull(&scene, &view, &mut VisibleSet::new());
+            assert_eq!((online.came(), online.went()), (&came[..], &went[..]), "differences at {x}");
+        }
+    }
+
     /// A wall whose surfaces were collected is moved away by a transform, and back. Each time the next wide
     /// box takes it for a mover, which hides nothing, and the one after that has it where it is.
     #[test]
     fn occluders_that_were_moved_hide_where_they_are() {
-        use visibility_core::glam::Affine3A;
-        use visibility_core::{Object, OccluderMesh};
         let (mut scene, mut online) = (scene(), online(2.0, 3.0, 0.25));
         let bounds = Aabb::from_arrays([-9.0, 5.0, -9.0], [9.0, 5.2, 9.0]);
-        let wall = scene.insert(Object { occluder: true, ..Object::new(bounds) });
-        let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
-        scene.set_mesh(wall, mesh, Affine3A::IDENTITY).unwrap();
+        let wall = occluder(&mut scene, bounds);
         let post = scene.insert(Aabb::from_arrays([0.0, 8.0, 0.0], [0.1, 8.1, 0.1]));
         let hides = |online: &mut OnlinePvs, scene: &Scene, x: f64| {
             let place = DVec3::X * x;
@@ -852,13 +957,16 @@ mod tests {
             online.hidden_from(scene, place, place).unwrap().contains(post.index())
         };
         assert!(hides(&mut online, &scene, 0.0), "the wall hides the post");
-        for (up, is_hidden) in [(100.0, false), (0.0, true)] {
-            let moved = Affine3A::from_translation(Vec3::Z * up);
+        // Moved by 8 m aside, the wall is before the post still, but rays pass its end.
+        for (by, is_hidden) in
+            [(Vec3::Z * 100.0, false), (Vec3::ZERO, true), (Vec3::X * 8.0, false), (Vec3::ZERO, true)]
+        {
+            let moved = Affine3A::from_translation(by);
             let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
             scene.set_bounds(wall, bounds.transformed(&moved)).unwrap();
             scene.set_mesh(wall, mesh, moved).unwrap();
-            assert!(!hides(&mut online, &scene, 3.5), "a wall that has just changed, {up} m up");
-            assert_eq!(hides(&mut online, &scene, -3.5), is_hidden, "a wall that stays {up} m up");
+            assert!(!hides(&mut online, &scene, 3.5), "a wall that has just been moved by {by}");
+            assert_eq!(hides(&mut online, &scene, -3.5), is_hidden, "a wall that stays moved by {by}");
         }
     }
 

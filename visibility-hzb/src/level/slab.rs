@@ -74,9 +74,14 @@ pub(super) fn faces_eye(frame: &LevelFrame, polygon: &OccluderPolygon, middle: D
     // which a product of three terms is off, and the error of the eye itself, may be much of the
     // height; the subtraction rounds by u of the height, which the factor below covers. In a parallel view
     // the height is at least the sine, 1e-6, so the factor covers the product as well.
+    // The distance needs no error of the eye. Let a be the greatest angle between the normal and those of
+    // faces, and q a point of a face, at distance d in a direction at angle b from the normal. If the height
+    // is more than d sin a + e, for an error e, so is d cos b, and b < 90° - a. The eye is at least
+    // d cos(a + b) above the plane of the face. That is at least d (cos b - sin a), and so more than e, since
+    // (1 - cos a) / sin a = tan(a / 2) is at most tan(45° - b / 2) = (1 - sin b) / cos b.
     let (height, distance) = if frame.perspective {
         let margin = 4.0 * U * polygon.normal.abs().dot(frame.eye.abs()) + frame.eye_error;
-        let distance = (frame.eye - middle).length() + frame.eye_error;
+        let distance = (frame.eye - middle).length();
         (along - high - margin, distance + radius + 2.0 * (high - low))
     } else {
         (-along - frame.eye_error, 1.0)
@@ -324,6 +329,43 @@ mod tests {
             found[usize::from(faces)] += 1;
         }
         assert!(found.iter().all(|&count| count > 5_000), "{found:?} are behind a face and before all");
+    }
+
+    /// All eyes within the error of an eye are in front of the faces, also of those that are tilted away from
+    /// it the most. Some come near to these.
+    #[test]
+    fn eyes_within_the_error_are_before_all_faces() {
+        let (mut random, mut frame, mut least, mut found) = (random(55), frame(), f64::INFINITY, [0; 2]);
+        for trial in 0..40_000 {
+            let normal = vector(&mut random, 1.0).normalize();
+            let across = normal.any_orthonormal_vector();
+            let (sine, radius) = (10.0f64.powf(random(-2.0, -0.1)), random(0.0, 1.0));
+            let min_cosine = (1.0 - sine * sine).sqrt();
+            frame.eye = vector(&mut random, 10.0);
+            let height = random(0.0, 9.0);
+            let middle = frame.eye - normal * height + across * random(0.0, 9.0);
+            // About the limit at which the eye is still certain.
+            let limit = height - sine * ((frame.eye - middle).length() + radius);
+            frame.eye_error = limit * (1.0 + random(-0.2, 0.2));
+            let own = polygon(normal, [normal.dot(middle); 2], min_cosine, false);
+            if limit <= 0.01 * height {
+                continue;
+            }
+            let faces = faces_eye(&frame, &own, middle, radius);
+            found[usize::from(faces)] += 1;
+            if !faces {
+                continue;
+            }
+            for end in [-radius, radius] {
+                let from = frame.eye - (middle + across * end);
+                let tilted = [-sine, sine].map(|sine| from.dot(normal * min_cosine + across * sine));
+                let above = tilted[0].min(tilted[1]) / frame.eye_error;
+                assert!(above > 1.0, "trial {trial}: {above} errors of the eye above a face");
+                least = least.min(above);
+            }
+        }
+        assert!(found.iter().all(|&count| count > 2_000), "{found:?} eyes behind a face and before all");
+        assert!(least < 1.01, "{least} errors above the nearest face");
     }
 
     /// The depth plane is below the exact depth keys of points on the far side of the slab.

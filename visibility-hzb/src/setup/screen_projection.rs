@@ -310,6 +310,39 @@ mod tests {
         }
     }
 
+    /// The errors of an occluder hold at the corner of its bounds that is farthest from its origin, on whichever
+    /// side of the origin.
+    #[test]
+    fn errors_of_occluders_hold_at_the_farthest_corner() {
+        let mut random = random(10);
+        let view = View::perspective(
+            Pose::look_at(DVec3::ZERO, DVec3::new(1.0, 0.3, -0.2), DVec3::Z),
+            1.0,
+            1.7,
+            0.1,
+            900.0,
+        );
+        let projection = ScreenProjection::new(&view.unwrap(), DVec3::ZERO, [640, 360], [640, 360]);
+        for trial in 0..200 {
+            let far = Vec3::from_array([0; 3].map(|_| random(1e6, 2e6) as f32));
+            let corner = if trial % 4 < 2 { far } else { -far };
+            let bounds = Aabb::new(corner.min(corner * -1e-6), corner.max(corner * -1e-6));
+            let mut axis = || Vec3::from_array([0; 3].map(|_| random(-1.0, 1.0) as f32));
+            let transform = match trial % 2 {
+                0 => Affine3A::IDENTITY,
+                _ => Affine3A::from_cols(axis().into(), axis().into(), axis().into(), axis().into()),
+            };
+            let (object, _) = project_object(&projection, &bounds, &transform).unwrap();
+            let computed = object.at(corner.to_array().map(f64::from));
+            let wanted = exact(&projection, &transform, corner.to_array());
+            for i in 0..5 {
+                let off = wanted[i].plus((-computed[i]).into()).hi.abs();
+                let error = object.error[i];
+                assert!(off <= error, "trial {trial}, row {i}: off by {off}, with an error of {error}");
+            }
+        }
+    }
+
     /// Errors of the projection's own rows are part of those of an object, and are those of core. They are
     /// made large here, so that half of one would not do.
     #[test]
