@@ -239,19 +239,24 @@ impl Motion {
         boxes: &[MovedBox],
         bounds: &mut [(usize, Box64)],
     ) -> bool {
-        let mut worlds: Vec<ErrorMap> = vec![ErrorMap::exact(nodes.root); transforms.len()];
-        for &node in &nodes.order {
-            let local = ErrorMap::rounded(transforms[node].matrix());
-            worlds[node] =
-                nodes.parents[node].map_or(ErrorMap::exact(nodes.root), |at| worlds[at]).after(&local);
+        if boxes.is_empty() {
+            return true;
         }
-        let at_rest = worlds.clone();
+        let root = ErrorMap::exact(nodes.root);
+        let mut worlds: Vec<ErrorMap> = vec![root; transforms.len()];
+        let place = |node: usize, local: &ErrorMap, worlds: &mut [ErrorMap]| {
+            worlds[node] = nodes.parents[node].map_or(root, |parent| worlds[parent]).after(local);
+        };
+        let place_at_rest = |node: usize, worlds: &mut [ErrorMap]| {
+            place(node, &ErrorMap::rounded(transforms[node].matrix()), worlds);
+        };
+        nodes.order.iter().for_each(|&node| place_at_rest(node, &mut worlds));
         let mut enlarge = |moved: &MovedBox, worlds: &[ErrorMap]| {
             let map = worlds[moved.node].after(&ErrorMap::exact(moved.to_node));
             let bounds = &mut bounds[moved.mover].1;
             *bounds = union(*bounds, map.image(moved.bounds));
         };
-        boxes.iter().for_each(|moved| enlarge(moved, &at_rest));
+        boxes.iter().for_each(|moved| enlarge(moved, &worlds));
         // The boxes at the nodes of a range of the order.
         let boxes_at = |range: &Range<usize>| {
             let before = |end: usize| boxes.partition_point(|moved| nodes.subtrees[moved.node].start < end);
@@ -278,18 +283,14 @@ impl Motion {
             for (from, to) in clip.spans() {
                 for &(below, boxes) in moved {
                     for &node in below {
-                        let local = clip.local(node, &transforms[node], from, to);
-                        worlds[node] = match nodes.parents[node] {
-                            Some(parent) => worlds[parent].after(&local),
-                            None => ErrorMap::exact(nodes.root).after(&local),
-                        };
+                        place(node, &clip.local(node, &transforms[node], from, to), &mut worlds);
                     }
                     boxes.iter().for_each(|moved| enlarge(moved, &worlds));
                 }
             }
-            // Back to rest for the next clip.
+            // Back to rest for the next clip, parents before children.
             let nodes_moved = moved.iter().flat_map(|(below, _)| below.iter());
-            nodes_moved.for_each(|&node| worlds[node] = at_rest[node]);
+            nodes_moved.for_each(|&node| place_at_rest(node, &mut worlds));
         }
         true
     }
