@@ -18,10 +18,10 @@ pub(crate) fn up(x: f64) -> f32 {
 /// few 1e-38. Takes fewer instructions than [`down`]: rounding moves `x` by half a unit in the last place at
 /// most, and a whole unit is subtracted first.
 ///
-/// Numbers beyond the greatest `f32` by more than 1.2e-7 of it become infinity, which is above `x`. As the
-/// depth key of an occluder, infinity hides what `x` does: every finite `f32` is below `x`, a key above `x` is
-/// rounded up to infinity as well, and equal keys do not hide. Numbers below the least `f32` become negative
-/// infinity. NaN and infinity become NaN.
+/// Numbers beyond the greatest `f32` by more than 1.5e-7 of it become infinity, which is above `x`. As the
+/// depth key of an occluder, infinity hides what `x` does: every finite `f32` is below `x`, a key above `x`
+/// is rounded up to infinity as well, and equal keys do not hide. Numbers below the least `f32`, or within
+/// 9e-8 of it, become negative infinity. NaN and infinity become NaN.
 #[inline(always)]
 pub(crate) fn lower(x: f64) -> f32 {
     (x - (x.abs() * f64::from(f32::EPSILON) + f64::from(f32::MIN_POSITIVE))) as f32
@@ -89,8 +89,8 @@ mod tests {
     #[test]
     fn numbers_beyond_f32_are_lowered_to_infinity() {
         let most = f64::from(f32::MAX);
-        for x in [most, most * (1.0 + 1e-8), most * (1.0 + 1e-7), most * (1.0 + 1e-6), most * 2.0, 1e300] {
-            assert_eq!(lower(x) == f32::INFINITY, x > most * (1.0 + 1.1e-7), "{x} lowered is {}", lower(x));
+        for x in [1.0, 1.0 + 1e-8, 1.0 + 1.4e-7, 1.0 + 1.6e-7, 2.0, 1e200].map(|by| most * by) {
+            assert_eq!(lower(x) == f32::INFINITY, x > most * (1.0 + 1.5e-7), "{x} lowered is {}", lower(x));
             assert!(f64::from(lower(x)) < x || x > most, "{x} lowered is {}", lower(x));
             assert!(f64::from(lower(-x)) < -x, "{} lowered is {}", -x, lower(-x));
         }

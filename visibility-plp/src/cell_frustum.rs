@@ -287,7 +287,8 @@ fn is_far_before(plane: &ViewPlane, eye: DVec3, eye_error: f64) -> bool {
 /// Returns a bound on the error in metres of the signed distance of an eye from a view plane, beside the
 /// error of the plane's own offset. The normal's components have relative errors of 8 * 2^-52. The magnitudes
 /// of the three products sum up to at most 1.74 times the greatest coordinate, and are rounded three times by
-/// 2^-53. Together this is less than 3.7 * 10^-15 of that coordinate. The sum with the offset is rounded once.
+/// 2^-53. Together this is less than 3.7 * 10^-15 of that coordinate. The sum with the offset is rounded
+/// once.
 fn distance_rounding(eye: DVec3, offset: f64) -> f64 {
     1e-15 * (4.0 * eye.abs().max_element() + offset.abs())
 }

@@ -47,16 +47,15 @@ const KEPT: usize = 32;
 /// all candidates stay. Objects that earlier stages of a pipeline remove still occlude, as in a baked set.
 ///
 /// # Cost
-/// A viewcell of .6 m takes 2 to 30 milliseconds in scenes of some thousand objects, a wide box 15 to 100.
-/// A step takes as much of a sweep as its budget allows. Four things are not divided: the first step in a
-/// scene of walls, of at most 32 triangles an occluder, sorts all their edges, and so does the step after the
-/// origin has changed, or after most of the triangles in the list belong to occluders that have changed since
-/// they were listed; beginning a sweep takes up to 60 nanoseconds for each object asked and, where objects are
-/// asked one by one, for each occluder; beginning and finishing a box, and the step in the middle of a wide
-/// one, take some nanoseconds for each object of the scene; and once the hierarchy of the scene has changed at more than two steps of a wide box, each of
-/// the sweeps left is one step. Steps allocate. A frame takes a few nanoseconds for each candidate, and looks
-/// at a bit for each object of the scene. A kept box takes a bit for each object of the scene, and 8 bytes
-/// for each object that can be seen.
+/// A viewcell of .6 m takes 2 to 30 milliseconds in scenes of some thousand objects, a wide box 15 to 100. A step takes as much of a sweep as its budget allows. Four things are not divided: the first step in
+/// a scene of walls, of at most 32 triangles an occluder, sorts all their edges, and so does the step after
+/// the origin has changed, or after most of the triangles in the list belong to occluders that have changed
+/// since they were listed; beginning a sweep takes up to 60 nanoseconds for each object asked and, where
+/// objects are asked one by one, for each occluder; beginning and finishing a box, and the step in the middle
+/// of a wide one, take some nanoseconds for each object of the scene; and once the hierarchy of the scene has
+/// changed at more than two steps of a wide box, each of the sweeps left is one step. Steps allocate. A frame
+/// takes a few nanoseconds for each candidate, and looks at a bit for each object of the scene. A kept box
+/// takes a bit for each object of the scene, and 8 bytes for each object that can be seen.
 ///
 /// ```
 /// use visibility_core::{glam::{Affine3A, DVec3}, Aabb, Culler, Object, OccluderMesh, Pose, Scene, View,
@@ -842,8 +841,8 @@ mod tests {
         }
     }
 
-    /// A viewcell is the part of its box in the wide box around its place, if that is at least half of it along
-    /// each axis; otherwise a wide box is begun.
+    /// A viewcell is the part of its box in the wide box around its place, if that is at least half of it
+    /// along each axis; otherwise a wide box is begun.
     #[test]
     fn viewcells_are_clipped_to_wide_boxes() {
         let scene = scene();
@@ -896,8 +895,8 @@ mod tests {
         }
     }
 
-    /// A wide box asks all objects that are left beside: one above a ceiling begins farther aside than up, and
-    /// is hidden upwards.
+    /// A wide box asks all objects that are left beside: one above a ceiling begins farther aside than up,
+    /// and is hidden upwards.
     #[test]
     fn wide_boxes_ask_all_objects_beside() {
         let (mut scene, mut online) = (scene(), online(2.0, 3.0, 0.25));

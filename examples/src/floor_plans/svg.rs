@@ -28,8 +28,8 @@ const STYLED: &str = "only an element's own `display` and `visibility` may hide 
 /// Names of style properties that hide an element.
 const HIDING: [&str; 2] = ["display", "visibility"];
 
-/// Values of `display` and of `visibility`, in lower case, that are read. An empty one: the property is not set.
-/// Others may be variables, or wrong, in which case an earlier value holds.
+/// Values of `display` and of `visibility`, in lower case, that are read. An empty one: the property is not
+/// set. Others may be variables, or wrong, in which case an earlier value holds.
 const READ: [&[&str]; 2] =
     [&["", "none", "inline", "block", "inherit"], &["", "visible", "hidden", "collapse", "inherit"]];
 

@@ -310,8 +310,8 @@ mod tests {
         }
     }
 
-    /// The errors of an occluder hold at the corner of its bounds that is farthest from its origin, on whichever
-    /// side of the origin.
+    /// The errors of an occluder hold at the corner of its bounds that is farthest from its origin, on
+    /// whichever side of the origin.
     #[test]
     fn errors_of_occluders_hold_at_the_farthest_corner() {
         let mut random = random(10);

@@ -182,8 +182,8 @@ impl Direction {
 
     /// Tests whether the box `b` may meet a segment from the viewcell to the box `other`, at a depth between
     /// 0, the front of the viewcell's box, and the least depth of `other`. Both boxes are in local
-    /// coordinates. True may also mean undecided. False may be wrong for rays that rounding makes steeper: the
-    /// caller then leaves out an occluder.
+    /// coordinates. True may also mean undecided. False may be wrong for rays that rounding makes steeper:
+    /// the caller then leaves out an occluder.
     pub(crate) fn is_between(&self, b: &LocalBox, other: &LocalBox) -> bool {
         let (near, far) = (b.lo.z.max(0.0), b.hi.z.min(other.lo.z));
         // The ends of the projection are convex functions of the plane's distance, so the greatest are at
