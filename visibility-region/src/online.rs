@@ -47,12 +47,13 @@ const KEPT: usize = 32;
 /// all candidates stay. Objects that earlier stages of a pipeline remove still occlude, as in a baked set.
 ///
 /// # Cost
-/// A viewcell of .6 m takes 2 to 30 milliseconds in scenes of some thousand objects, a wide box 15 to 100. A step takes as much of a sweep as its budget allows. Four things are not divided: the first step in
-/// a scene of walls, of at most 32 triangles an occluder, sorts all their edges, and so does the step after
-/// the origin has changed, or after most of the triangles in the list belong to occluders that have changed
-/// since they were listed; beginning a sweep takes up to 60 nanoseconds for each object asked and, where
-/// objects are asked one by one, for each occluder; beginning and finishing a box, and the step in the middle
-/// of a wide one, take some nanoseconds for each object of the scene; and once the hierarchy of the scene has
+/// A viewcell of .6 m takes 2 to 30 milliseconds in scenes of some thousand objects, a wide box 15 to 100. A
+/// step takes as much of a sweep as its budget allows. Four things are not divided: the first step in a scene
+/// of walls, of at most 32 triangles an occluder, sorts all their edges, and so does the step after the
+/// origin has changed, or after most of the triangles in the list belong to occluders that have changed since
+/// they were listed; beginning a sweep takes up to 60 nanoseconds for each object asked and, where objects
+/// are asked one by one, for each occluder; beginning and finishing a box, and the step in the middle of a
+/// wide one, take some nanoseconds for each object of the scene; and once the hierarchy of the scene has
 /// changed at more than two steps of a wide box, each of the sweeps left is one step. Steps allocate. A frame
 /// takes a few nanoseconds for each candidate, and looks at a bit for each object of the scene. A kept box
 /// takes a bit for each object of the scene, and 8 bytes for each object that can be seen.
