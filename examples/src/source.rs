@@ -64,17 +64,11 @@ pub struct SourceCells {
 /// visible sets: the larger of 2^-26 of the cells' extent, about a micrometre in a building, and 2^-32 of the
 /// largest coordinate.
 pub fn clearance(cells: &Viewcells) -> f64 {
-    let (extent, farthest) = size(cells);
-    (extent * 2.0f64.powi(-26)).max(farthest * 2.0f64.powi(-32))
-}
-
-/// Returns the largest side of the box around all cells, then the largest absolute coordinate of the cells,
-/// in metres. Neither is finite without cells.
-fn size(cells: &Viewcells) -> (f64, f64) {
     let (min, max) = cells.cells().iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), cell| {
         (min.min(cell.min), max.max(cell.max))
     });
-    ((max - min).max_element(), min.abs().max(max.abs()).max_element())
+    let (extent, farthest) = ((max - min).max_element(), min.abs().max(max.abs()).max_element());
+    (extent * 2.0f64.powi(-26)).max(farthest * 2.0f64.powi(-32))
 }
 
 /// Object of a scene: the triangles that are culled and drawn as a whole.

@@ -148,8 +148,8 @@ impl Faces {
 mod tests {
     use super::*;
 
-    /// Of triangles with the same vertices the first stays. It has two sides if one of them has, or if they
-    /// face both ways.
+    /// The first of several triangles with the same vertices stays. It has two sides if one of the triangles
+    /// has, or if the triangles face both ways.
     #[test]
     fn of_copies_the_first_stays() {
         let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::Y];

@@ -7,11 +7,8 @@ use visibility_core::{
     Aabb, View,
     geometry::sqrt,
     scene::Triangle,
-    view::{Eye, MAX_PLANES, ViewPlane, ViewProjection},
+    view::{Eye, MAX_PLANES, ViewPlane, ViewPlanes, ViewProjection},
 };
-
-/// Slot of the near plane in [`ViewPlanes`](visibility_core::view::ViewPlanes::by_slot).
-const NEAR: u8 = 4;
 
 /// Half-space `normal . p + offset >= 0`, with a bound on the rounding error of that signed distance.
 #[derive(Clone, Copy, Debug)]
@@ -103,7 +100,7 @@ impl CellFrustum {
         let sides = view.planes(origin);
         let knows_eye = match eye {
             Eye::Point(eye) => {
-                sides.by_slot().any(|(slot, near)| slot == NEAR && is_far_before(near, eye, eye_error))
+                sides.in_slot(ViewPlanes::NEAR).is_some_and(|near| is_far_before(near, eye, eye_error))
             }
             // Tests of boxes reckon with rays of any direction within the error.
             Eye::Direction(_) => true,

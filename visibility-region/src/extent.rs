@@ -85,7 +85,7 @@ mod tests {
         }
     }
 
-    /// Of 2,048 objects, each third has left, which a sample of each third index would have met alone.
+    /// A scene that each third of 2,048 objects has left: a sample of each third index would meet no object.
     #[test]
     fn a_scene_of_which_objects_have_left_has_usable_bounds() {
         let mut scene = Scene::new();

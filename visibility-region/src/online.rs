@@ -970,7 +970,7 @@ mod tests {
         }
     }
 
-    /// Of the viewcells that no place needs the 32 used last are kept.
+    /// The 32 viewcells used last are kept beside the viewcells that a place needs.
     #[test]
     fn the_viewcells_used_last_are_kept() {
         let (scene, mut online) = (scene(), online(2.0, 3.0, 0.25));

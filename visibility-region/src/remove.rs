@@ -116,8 +116,8 @@ mod tests {
         assert!(!of(f64::NEG_INFINITY, 1.0, 0.0) && !of(1.0, f64::INFINITY, 0.0), "infinite on one side");
     }
 
-    /// Of many objects those are removed that are in an umbra or that the other test names, below whatever
-    /// nodes of the hierarchy.
+    /// Objects in an umbra are removed, and objects that the other test names, below whatever nodes of the
+    /// hierarchy.
     #[test]
     fn objects_in_umbrae_are_removed_one_by_one() {
         let (mut random, mut scene) = (Random(4), Scene::new());

@@ -181,7 +181,8 @@ struct Collector<'a> {
     objects: Vec<SourceObject>,
     /// Boxes that nodes move. Together they contain the moving objects.
     moved: Vec<MovedBox>,
-    /// Boxes of the moving objects at rest, in world space, each with the index of its object.
+    /// Bounds of the moving objects in all their poses, in world space, each with the index of its object.
+    /// Empty until [`Self::bound_movers`].
     bounds_of_movers: Vec<(usize, Box64)>,
     /// Number of primitives without triangles: points, lines, or no positions.
     without_triangles: usize,

@@ -8,7 +8,7 @@ use visibility_core::glam::{DMat4, DVec3, DVec4};
 use visibility_core::{
     Aabb, Scene, View,
     geometry::{Plane, Side, SidePlane},
-    view::{Eye, MAX_PLANES, ViewProjection},
+    view::{Eye, MAX_PLANES, ViewPlanes, ViewProjection},
 };
 
 /// A polygon projected to NDC, with the scratch memory for clipping it.
@@ -100,7 +100,7 @@ impl ScreenProjection {
             error,
         };
         // The view's first four planes are the sides of the image; wider ones replace them.
-        for (_, plane) in view.planes(origin).by_slot().filter(|&(slot, _)| slot >= 4) {
+        for (_, plane) in view.planes(origin).by_slot().filter(|&(slot, _)| slot >= ViewPlanes::NEAR) {
             let side = SidePlane::new(plane.plane, magnitude);
             projection.push(SidePlane { margin: side.margin + plane.error, ..side });
         }

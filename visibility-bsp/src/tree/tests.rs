@@ -447,19 +447,3 @@ fn cut_points_are_within_the_bound_of_their_edge() {
     std::println!("cut points are off by up to {worst} of the bound");
     assert!(worst > 0.01, "cut points are off by up to {worst} of the bound");
 }
-
-#[test]
-fn bounds_of_points_are_rounded_outwards() {
-    let [near, far] = [DVec3::new(1.0, 4.0, -3.0), DVec3::new(2.0, 5.0, 3.0)];
-    let exact = Aabb::new(near.as_vec3(), far.as_vec3());
-    let mixed = [DVec3::new(1.0, 5.0, -3.0), DVec3::new(2.0, 4.0, 3.0)];
-    assert_eq!(Aabb::around(mixed), exact, "points of `f32`");
-    let step = |v: Vec3, up: bool| v.to_array().map(|x| if up { x.next_up() } else { x.next_down() });
-    let beside = Aabb::around([near - 1e-12, far + 1e-12]);
-    assert_eq!(
-        beside,
-        Aabb::from_arrays(step(exact.min, false), step(exact.max, true)),
-        "points beside them"
-    );
-    assert_eq!(Aabb::around([near + 1e-12, far - 1e-12]), exact, "points just inside");
-}

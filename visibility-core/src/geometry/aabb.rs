@@ -241,6 +241,22 @@ mod tests {
     }
 
     #[test]
+    fn bounds_of_points_are_rounded_outwards() {
+        let [near, far] = [DVec3::new(1.0, 4.0, -3.0), DVec3::new(2.0, 5.0, 3.0)];
+        let exact = Aabb::new(near.as_vec3(), far.as_vec3());
+        let mixed = [DVec3::new(1.0, 5.0, -3.0), DVec3::new(2.0, 4.0, 3.0)];
+        assert_eq!(Aabb::around(mixed), exact, "points of `f32`");
+        let step = |v: Vec3, up: bool| v.to_array().map(|x| if up { x.next_up() } else { x.next_down() });
+        let beside = Aabb::around([near - 1e-12, far + 1e-12]);
+        assert_eq!(
+            beside,
+            Aabb::from_arrays(step(exact.min, false), step(exact.max, true)),
+            "points beside them"
+        );
+        assert_eq!(Aabb::around([near + 1e-12, far - 1e-12]), exact, "points just inside");
+    }
+
+    #[test]
     fn boxes_of_the_world_hold_theirs() {
         let mut random = Random(92);
         for round in 0..1000 {

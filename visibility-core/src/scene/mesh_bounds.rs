@@ -159,16 +159,16 @@ mod tests {
     #[test]
     fn what_reaches_out_by_rounding_is_within() {
         let unit = Aabb::from_arrays([-1.0; 3], [1.0; 3]);
+        // The box with one side at another place, and that place.
+        let unit_to = |to: f32, axis: usize| {
+            let mut reach = unit;
+            *(if to < 0.0 { &mut reach.min[axis] } else { &mut reach.max[axis] }) = to;
+            (to, reach)
+        };
         for axis in 0..3 {
             for side in [-1.0, 1.0] {
                 for (units, is_inside) in [(0.0, true), (28.0, true), (40.0, false)] {
-                    let mut reach = unit;
-                    let to = side * (1.0 + units * U);
-                    if side < 0.0 {
-                        reach.min[axis] = to
-                    } else {
-                        reach.max[axis] = to
-                    }
+                    let (to, reach) = unit_to(side * (1.0 + units * U), axis);
                     let mesh = OccluderMesh::cuboid(&reach).unwrap();
                     let name = (axis, side, units);
                     assert_eq!(is_within(&mesh, &Affine3A::IDENTITY, &unit), is_inside, "{name:?}");
@@ -179,13 +179,7 @@ mod tests {
                     assert_eq!(is_any_outside((&triangles[..]).into(), &unit), !is_inside, "{name:?}");
                 }
                 for (units, is_inside) in [(0.0, true), (60.0, true), (68.0, false)] {
-                    let mut reach = unit;
-                    let to = side * (1.0 + units * U);
-                    if side < 0.0 {
-                        reach.min[axis] = to
-                    } else {
-                        reach.max[axis] = to
-                    }
+                    let (_, reach) = unit_to(side * (1.0 + units * U), axis);
                     assert_eq!(holds_nearly(&unit, &reach), is_inside, "{axis}, {side}, {units}");
                 }
             }

@@ -7,9 +7,6 @@ use crate::Aabb;
 use crate::geometry::Plane;
 use glam::DVec3;
 
-/// Slot of the near plane in [`ViewPlanes`].
-const NEAR: u8 = 4;
-
 /// One plane of a view, for points in metres relative to the origin passed to [`View::planes`], with a bound
 /// on its rounding error.
 ///
@@ -69,6 +66,11 @@ pub struct ViewPlanes {
 }
 
 impl ViewPlanes {
+    /// Slot of the near plane.
+    pub const NEAR: u8 = 4;
+    /// Slot of the far plane.
+    pub const FAR: u8 = 5;
+
     /// An empty list of planes: every point is inside.
     pub const NONE: Self = Self {
         planes: [ViewPlane { plane: Plane::new(DVec3::ZERO, 1.0), error: 0.0 }; MAX_PLANES],
@@ -92,6 +94,12 @@ impl ViewPlanes {
     /// up for clip planes.
     pub fn by_slot(&self) -> impl Iterator<Item = (u8, &ViewPlane)> {
         self.slots.iter().copied().zip(self.as_slice())
+    }
+
+    /// Returns the plane in a slot, numbered as in [`by_slot`](Self::by_slot). `None` if that plane was left
+    /// out, or if there are fewer clip planes.
+    pub fn in_slot(&self, slot: u8) -> Option<&ViewPlane> {
+        self.by_slot().find(|&(other, _)| other == slot).map(|(_, plane)| plane)
     }
 
     /// Appends `plane` in slot `slot`, translated to another origin and scaled to a unit normal. `plane` is
@@ -183,7 +191,7 @@ impl View {
     /// Returns the near plane for points relative to `origin`, a point of the world. `None` if `f64` cannot
     /// represent the plane.
     pub(crate) fn near_plane(&self, origin: DVec3) -> Option<ViewPlane> {
-        self.planes(origin).by_slot().find(|&(slot, _)| slot == NEAR).map(|(_, &plane)| plane)
+        self.planes(origin).in_slot(ViewPlanes::NEAR).copied()
     }
 
     /// Returns the planes that bound the view, clip planes included, for points relative to `origin`, a point

@@ -611,8 +611,8 @@ mod tests {
         assert_eq!(Reach::new(-1.0, f64::NAN), Reach::new(0.0, 0.0), "reaches that are none");
     }
 
-    /// What is beside the picture, by an eye aside and a ray along a side of the volume, is met by the
-    /// margin; what is far beside it, or inside the picture, is not.
+    /// The margin meets points beside the picture that an eye aside sees along a side of the volume. It meets
+    /// no point far beside the picture, and none inside the picture.
     #[test]
     fn the_margin_holds_what_is_beside_the_picture() {
         let point = |p: DVec3| Aabb::new(p.as_vec3() - 1e-4, p.as_vec3() + 1e-4);

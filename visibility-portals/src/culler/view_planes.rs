@@ -5,7 +5,7 @@ use super::window_plane::{U, USELESS, WindowPlane};
 use smallvec::SmallVec;
 use visibility_core::geometry::Plane;
 use visibility_core::glam::DVec3;
-use visibility_core::view::{ClipRow, ViewProjection, ViewRegion};
+use visibility_core::view::{ClipRow, ViewPlanes, ViewProjection, ViewRegion};
 use visibility_core::{View, view::Eye};
 
 /// The lines of sight of a view: rays from one point (perspective), or parallel lines (orthographic).
@@ -51,29 +51,18 @@ impl PortalView {
         if !anchor.is_finite() {
             return None;
         }
-        let (mut sides, mut near) = ([None; 4], None);
-        let mut ends = SmallVec::new();
-        let mut clips = 0;
-        for (slot, plane) in planes.by_slot() {
-            match slot {
-                0..=3 => sides[usize::from(slot)] = Some(WindowPlane::of_view(plane)),
-                4 => near = Some(plane),
-                5 => ends.push(WindowPlane::of_view(plane)),
-                _ => {
-                    clips += 1;
-                    ends.push(WindowPlane::of_view(plane));
-                }
-            }
-        }
         // `planes` omits a plane that cannot be computed. Without the near plane or a clip plane, lines of
         // sight would seem to begin elsewhere. Without the far plane they end nowhere, which holds more: in
         // `f32`, rounding takes the normal of a far plane that is 2^24 times as far as the near plane.
-        near?;
-        let [left, right, bottom, top] = sides;
-        let sides = [left?, right?, bottom?, top?];
-        if clips != view.clip_planes().len() {
+        planes.in_slot(ViewPlanes::NEAR)?;
+        let side = |slot| planes.in_slot(slot).map(WindowPlane::of_view);
+        let sides = [side(0)?, side(1)?, side(2)?, side(3)?];
+        let clips = view.clip_planes_from(anchor);
+        if clips.as_slice().len() != view.clip_planes().len() {
             return None;
         }
+        let ends = planes.in_slot(ViewPlanes::FAR).into_iter().chain(clips.as_slice());
+        let ends = ends.map(WindowPlane::of_view).collect();
         let (lines, error) = match projection.eye() {
             Eye::Point(_) => (Lines::FromAnchor, projection.eye_error()),
             Eye::Direction(direction) => (Lines::Along(direction, projection.eye_error()), 0.0),

@@ -220,7 +220,7 @@ impl Tree {
         }
     }
 
-    /// Stores the files of the crate, and of all others that have a mutant of the batch, with these mutants.
+    /// Stores the files of the crate, and of all others that have a mutant, with the mutants of a batch.
     /// Returns the files by name.
     fn write(&self, mutants: &[Mutant], batch: &[usize]) -> Result<BTreeMap<String, Mutated>, String> {
         let mut result = BTreeMap::new();

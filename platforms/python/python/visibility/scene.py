@@ -79,10 +79,10 @@ class Scene(_visibility.Scene):
         simulation that are not static, figures of VRM, and all extensions that this package does not know; and meshes
         whose positions trimesh reads wrongly: compressed ones (``KHR_draco_mesh_compression`` without DracoPy), and
         normalized whole numbers (``KHR_mesh_quantization``). A mesh of a glTF file counts as such if all its
-        coordinates are whole and one is 127 or more, any other mesh if the greatest is 127, 255, 32767 or 65535. trimesh does not keep skins,
-        clips, morph targets, sparse accessors and ``KHR_materials_variants``: what these change is an object as
-        trimesh gives it, at rest. Leave such meshes out of the source, and add a box around all of their poses by
-        ``add_boxes(..., solid=False)``.
+        coordinates are whole and one is 127 or more, any other mesh if the greatest is 127, 255, 32767 or 65535.
+        trimesh does not keep skins, clips, morph targets, sparse accessors and ``KHR_materials_variants``: what these
+        change is an object as trimesh gives it, at rest. Leave such meshes out of the source, and add a box around
+        all of their poses by ``add_boxes(..., solid=False)``.
 
         ``occluder``: a function of a mesh that tells whether the mesh hides what is behind it. ``None``: a mesh hides
         unless its material blends or is masked, or a colour or a picture without an alpha mode has an alpha below 1.
