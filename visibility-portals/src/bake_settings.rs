@@ -43,7 +43,10 @@ impl Default for BakerSettings {
 
 impl BakerSettings {
     /// Sets the clearance, a distance in world units. Lines of sight that pass a portal edge at a smaller
-    /// distance are ignored: a cell that is seen only along such lines may be found hidden. Must be positive,
+    /// distance are ignored: a cell that is seen only along such lines may be found hidden. A portal whose
+    /// vertices are off its plane, by up to [`TOLERANCE`](visibility_core::geometry::ConvexPolygon::TOLERANCE)
+    /// of its size, counts as flat: the clearance is from edges that are moved into the plane, and lines that
+    /// keep that distance more from the edges as given keep it. Must be positive,
     /// finite and at least 2^-33 of the greatest absolute coordinate of a portal vertex, so that rounding
     /// cannot decide. `None`, the default, stands for the greater of that least value and 1e-6.
     pub fn with_clearance(self, clearance: impl Into<Option<f64>>) -> Self {
@@ -153,4 +156,55 @@ pub(crate) fn prepare(graph: &CellGraph, settings: &BakerSettings) -> Result<Dir
         return Err(BakeError::Clearance { clearance, least });
     }
     Ok(DirectedPortals::new(graph, clearance, extent))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec::Vec;
+    use visibility_core::cells::CellId;
+    use visibility_core::geometry::ConvexPolygon;
+    use visibility_core::glam::DVec3;
+
+    fn triangle(size: f64) -> ConvexPolygon {
+        ConvexPolygon::new([DVec3::ZERO, DVec3::X, DVec3::Y].map(|v| v * size)).unwrap()
+    }
+
+    #[test]
+    fn clearances_below_the_rounding_are_refused() {
+        let graph = CellGraph::new(2, [(triangle(1024.0), [CellId(0), CellId(1)])]).unwrap();
+        let least = 1024.0 / (1u64 << 33) as f64;
+        let made = |clearance: Option<f64>| {
+            let settings = BakerSettings::default().with_clearance(clearance);
+            prepare(&graph, &settings).map(|portals| portals.margins.clearance)
+        };
+        assert_eq!(made(Some(least)), Ok(least), "the least clearance");
+        assert_eq!(made(None), Ok(DEFAULT_CLEARANCE), "no clearance, where the default is enough");
+        for clearance in [least.next_down(), 0.0, -1.0, f64::INFINITY] {
+            assert_eq!(made(Some(clearance)), Err(BakeError::Clearance { clearance, least }), "{clearance}");
+        }
+        assert!(matches!(made(Some(f64::NAN)), Err(BakeError::Clearance { .. })), "a clearance of NaN");
+        let far = CellGraph::new(2, [(triangle(1e6), [CellId(0), CellId(1)])]).unwrap();
+        let portals = prepare(&far, &BakerSettings::default()).unwrap();
+        assert_eq!(portals.margins.clearance, 1e6 / (1u64 << 33) as f64, "the default far from the origin");
+        // Without portals any positive clearance will do, but none of zero.
+        let empty = CellGraph::new(1, []).unwrap();
+        let made =
+            |clearance: f64| prepare(&empty, &BakerSettings::default().with_clearance(clearance)).is_ok();
+        assert!(made(1e-300) && !made(0.0), "clearances of a graph without portals");
+    }
+
+    #[test]
+    fn graphs_of_more_than_65536_cells_or_portals_are_refused() {
+        let settings = BakerSettings::default();
+        let made = |graph: &CellGraph| prepare(graph, &settings).map(|portals| portals.all.len());
+        let limit = MAX_CELLS_OR_PORTALS;
+        assert_eq!(made(&CellGraph::new(limit, []).unwrap()), Ok(0), "as many cells as there may be");
+        let cells = limit + 1;
+        let error = Err(BakeError::TooMany { cells, portals: 0 });
+        assert_eq!(made(&CellGraph::new(cells, []).unwrap()), error, "one more cell");
+        let portals: Vec<_> = (0..=limit).map(|_| (triangle(1.0), [CellId(0), CellId(1)])).collect();
+        let error = Err(BakeError::TooMany { cells: 2, portals: limit + 1 });
+        assert_eq!(made(&CellGraph::new(2, portals).unwrap()), error, "one more portal");
+    }
 }

@@ -120,6 +120,95 @@ pub(crate) fn clip_into(polygon: &[DVec3], plane: &Plane, merge: f64, out: &mut 
 mod tests {
     use super::*;
 
+    fn at(corners: &[[f64; 2]]) -> Vec<DVec3> {
+        corners.iter().map(|&[x, y]| DVec3::new(x, y, 0.0)).collect()
+    }
+
+    /// Clips to the points with x of at least 0, merging vertices up to 0.5 apart. Returns the result for a
+    /// list that holds another point before the polygon.
+    fn right_of_zero(corners: &[[f64; 2]]) -> (Clip, Vec<DVec3>) {
+        let mut points = at(&[[7.0, 7.0]]);
+        points.extend(at(corners));
+        let count = points.len();
+        let result = clip(&mut points, 1..count, &Plane::new(DVec3::X, 0.0), 0.5);
+        (result, points.split_off(count))
+    }
+
+    #[test]
+    fn vertices_on_the_plane_are_kept() {
+        // Whole: inside, and touching the plane from inside by a vertex or an edge.
+        for inside in [[[1.0, 0.0], [4.0, 0.0], [4.0, 4.0]], [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]]] {
+            assert_eq!(right_of_zero(&inside), (Clip::All, at(&[])), "{inside:?}");
+        }
+        // Nothing: outside, and touching the plane from outside by a vertex or an edge.
+        for outside in [
+            [[-1.0, 0.0], [-4.0, 4.0], [-4.0, 0.0]],
+            [[0.0, 0.0], [-4.0, 4.0], [-4.0, 0.0]],
+            [[0.0, 0.0], [0.0, 4.0], [-4.0, 0.0]],
+        ] {
+            assert_eq!(right_of_zero(&outside), (Clip::Nothing, at(&[])), "{outside:?}");
+        }
+        // A part: cut at two edges, at an edge and a vertex, and along a diagonal.
+        let square = [[-2.0, 0.0], [2.0, 0.0], [2.0, 4.0], [-2.0, 4.0]];
+        let half = at(&[[0.0, 0.0], [2.0, 0.0], [2.0, 4.0], [0.0, 4.0]]);
+        assert_eq!(right_of_zero(&square), (Clip::Part(5), half), "a square");
+        let triangle = [[-2.0, 0.0], [2.0, 2.0], [0.0, 4.0]];
+        let part = at(&[[0.0, 4.0], [0.0, 1.0], [2.0, 2.0]]);
+        assert_eq!(right_of_zero(&triangle), (Clip::Part(4), part), "a triangle with a vertex on the plane");
+        let diamond = [[0.0, -2.0], [2.0, 0.0], [0.0, 2.0], [-2.0, 0.0]];
+        let part = at(&[[0.0, -2.0], [2.0, 0.0], [0.0, 2.0]]);
+        assert_eq!(right_of_zero(&diamond), (Clip::Part(5), part), "a square along its diagonal");
+    }
+
+    #[test]
+    fn neighbours_within_the_distance_to_merge_become_one() {
+        // The edge from (2, 0) to (2, 0.5) is as long as the distance to merge, and the other is longer.
+        let polygon = [[-2.0, 0.0], [2.0, 0.0], [2.0, 0.5], [2.0, 1.25], [-2.0, 4.0]];
+        let part = at(&[[0.0, 0.0], [2.0, 0.0], [2.0, 1.25], [0.0, 2.625]]);
+        assert_eq!(right_of_zero(&polygon), (Clip::Part(6), part), "a short edge within");
+        // The last vertex, and the first, which is cut, are as near.
+        let polygon = [[-2.0, 0.0], [2.0, 0.0], [2.0, 4.0], [0.5, 4.0], [-0.5, 4.0]];
+        let part = at(&[[0.0, 0.0], [2.0, 0.0], [2.0, 4.0], [0.5, 4.0]]);
+        assert_eq!(right_of_zero(&polygon), (Clip::Part(6), part), "a short edge at the plane");
+        let polygon = [[0.25, 0.0], [2.0, 0.0], [2.0, 4.0], [-2.0, 4.0], [-1.75, 0.0]];
+        let part = at(&[[0.0, 0.0], [2.0, 0.0], [2.0, 4.0], [0.0, 4.0]]);
+        assert_eq!(right_of_zero(&polygon), (Clip::Part(6), part), "a short edge at the first vertex");
+        let polygon = [[2.0, 0.0], [2.0, 4.0], [-2.0, 4.0], [-1.5, 0.5], [1.5, 0.0]];
+        let part = at(&[[2.0, 0.0], [2.0, 4.0], [0.0, 4.0], [0.0, 0.25]]);
+        assert_eq!(right_of_zero(&polygon), (Clip::Part(6), part), "a short edge at the last vertex");
+        let polygon = [[2.0, 0.0], [2.0, 0.25], [-2.0, 0.25], [-2.0, 0.0]];
+        assert_eq!(right_of_zero(&polygon), (Clip::Nothing, at(&[])), "a narrow strip");
+        let polygon = [[-2.0, 0.0], [0.25, 0.0], [-2.0, 0.25]];
+        assert_eq!(right_of_zero(&polygon), (Clip::Nothing, at(&[])), "a small tip");
+    }
+
+    #[test]
+    fn polygons_of_up_to_120_vertices_are_clipped() {
+        for (count, is_clipped) in [(120, true), (121, false)] {
+            let mut points: Vec<DVec3> = (0..count)
+                .map(|i| f64::from(i) / f64::from(count) * core::f64::consts::TAU)
+                .map(|angle| DVec3::new(angle.cos(), angle.sin(), 0.0))
+                .collect();
+            let result = clip(&mut points, 0..count as usize, &Plane::new(DVec3::X, 0.0), 1e-9);
+            assert_eq!(matches!(result, Clip::Part(_)), is_clipped, "{count} vertices: {result:?}");
+        }
+    }
+
+    #[test]
+    fn clipping_into_a_list_replaces_its_content() {
+        let square = at(&[[-2.0, 0.0], [2.0, 0.0], [2.0, 4.0], [-2.0, 4.0]]);
+        let mut out = at(&[[9.0, 9.0]]);
+        clip_into(&square, &Plane::new(DVec3::X, 5.0), 0.5, &mut out);
+        assert_eq!(out, square, "a polygon inside");
+        clip_into(&square, &Plane::new(DVec3::X, 0.0), 0.5, &mut out);
+        assert_eq!(out, at(&[[0.0, 0.0], [2.0, 0.0], [2.0, 4.0], [0.0, 4.0]]), "half of a polygon");
+        clip_into(&square, &Plane::new(DVec3::X, -5.0), 0.5, &mut out);
+        assert_eq!(out, [], "a polygon outside");
+        out.push(DVec3::ONE);
+        clip_into(&[], &Plane::new(DVec3::X, 0.0), 0.5, &mut out);
+        assert_eq!(out, [], "no polygon");
+    }
+
     #[test]
     fn a_polygon_with_a_nan_or_infinite_vertex_is_kept_whole() {
         // A square outside the plane, across it, and inside it.

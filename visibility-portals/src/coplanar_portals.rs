@@ -120,4 +120,36 @@ mod tests {
         );
         assert!(!beside(&window([0.0, 1.0], f64::NAN), &window([1.0, 4.0], 0.0)), "a window at NaN");
     }
+
+    /// A square and one that is turned by 45 degrees, of which now the one and now the other has the edge
+    /// across which they overlap least. Lines need an overlap of two clearances, 0.2.
+    #[test]
+    fn the_overlap_of_windows_counts_across_the_edges_of_both() {
+        let beside = |a: &[[f64; 2]], b: &[[f64; 2]]| {
+            let [a, b] = [a, b].map(|corners| corners.iter().map(|&[x, y]| DVec3::new(x, y, 0.0)).collect());
+            let (a, b): (Vec<DVec3>, Vec<DVec3>) = (a, b);
+            let of = |a: &[DVec3], b: &[DVec3]| {
+                lie_side_by_side(a.iter().copied(), b.iter().copied(), DVec3::Z, 0.1)
+            };
+            assert_eq!(of(&a, &b), of(&b, &a), "both orders of {a:?} and {b:?}");
+            of(&a, &b)
+        };
+        let square = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
+        let diamond = |x: f64, y: f64| [[x - 2.0, y], [x, y - 2.0], [x + 2.0, y], [x, y + 2.0]];
+        // The corner of the square, (4, 4), is within a side of the diamond by `inside`.
+        for (inside, expected) in [(-1.0, true), (0.0, true), (0.17, true), (0.3, false), (1.0, false)] {
+            let by = 1.0 - inside / 2f64.sqrt();
+            let moved = diamond(4.0 + by, 4.0 + by);
+            assert_eq!(beside(&square, &moved), expected, "a corner {inside} within a side");
+        }
+        for (x, expected) in
+            [(6.0, true), (5.9, true), (5.83, true), (5.7, false), (2.0, false), (-1.9, true)]
+        {
+            assert_eq!(beside(&square, &diamond(x, 2.0)), expected, "a diamond at {x}");
+            assert_eq!(beside(&square, &diamond(2.0, x)), expected, "a diamond at {x} along y");
+        }
+        assert!(!beside(&square, &[[1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0]]), "a window in another");
+        let narrow = [[1.0, 1.0], [1.15, 1.0], [1.15, 2.0], [1.0, 2.0]];
+        assert!(beside(&square, &narrow), "a window too narrow for a line that keeps the clearance");
+    }
 }

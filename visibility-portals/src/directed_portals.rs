@@ -3,7 +3,9 @@
 //!
 //! # Margins
 //! A pair of cells must be called visible if a line through the portals between them stays clear of all
-//! portal edges by the clearance. The thin cylinder around that line then passes as well. Each portal is
+//! portal edges by the clearance, after their vertices have been moved into the planes of the portals. A line
+//! that stays clear of the edges as given by the clearance, and by as much more as a vertex is off its plane,
+//! does so: no point of an edge moves farther. The thin cylinder around that line then passes as well. Each portal is
 //! shrunk by less than the clearance, so the line stays inside each shrunk portal with a margin. Shrinking
 //! also separates portals that share an edge, so that separating planes are never computed from coincident
 //! points. The rest of the margin pays for rounding. Clipping keeps points up to [`keep`](Margins::keep)
@@ -250,4 +252,116 @@ fn bounding_ball(points: &[DVec3]) -> (DVec3, f64) {
     let center = points.iter().fold(DVec3::ZERO, |sum, &p| sum + p) / points.len() as f64;
     let radius = points.iter().fold(0.0, |r: f64, &p| r.max((p - center).length()));
     (center, radius * (1.0 + 1e-12) + center.abs().max_element() * NOISE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::cells::CellId;
+    use visibility_core::geometry::ConvexPolygon;
+    use visibility_testing::Random;
+
+    /// Returns the portals of a graph whose portal `i` leads from cell `i` to cell `i + 1`.
+    fn in_a_row(polygons: &[&[DVec3]], clearance: f64) -> DirectedPortals {
+        let portals = (0..).zip(polygons).map(|(i, polygon)| {
+            (ConvexPolygon::new(polygon.iter().copied()).unwrap(), [CellId(i), CellId(i + 1)])
+        });
+        let graph = CellGraph::new(polygons.len() + 1, portals).unwrap();
+        let extent = DirectedPortals::extent(&graph);
+        DirectedPortals::new(&graph, clearance, extent)
+    }
+
+    fn window(x: [f64; 2], z: f64) -> [DVec3; 4] {
+        [[x[0], 0.0], [x[1], 0.0], [x[1], 2.0], [x[0], 2.0]].map(|[x, y]| DVec3::new(x, y, z))
+    }
+
+    #[test]
+    fn portals_are_shrunk_by_two_fifths_of_the_clearance() {
+        let square = window([3.0, 5.0], 1.0);
+        let portals = in_a_row(&[&square[..], &square[..3]], 1e-2);
+        assert_eq!(portals.all.len(), 4, "a square and a triangle, both ways");
+        for portal in &portals.all {
+            let vertices = portals.vertices_of(portal);
+            let (edges, inset) = (portals.pluecker_opening(portal).edges, 0.4e-2);
+            // The edges of the square, or those of the triangle.
+            assert_eq!(vertices.len(), edges.len(), "{vertices:?}");
+            for edge in edges {
+                let inward = if portal.against { -portal.plane.normal } else { portal.plane.normal };
+                let inward = inward.cross(edge.b - edge.a).normalize();
+                let least = vertices.iter().map(|&v| inward.dot(v - edge.a)).fold(f64::INFINITY, f64::min);
+                assert!((least - inset).abs() < 1e-12, "{least} within an edge of {vertices:?}");
+                assert!((edge.shift - inward * inset).length() < 1e-12, "{edge:?}");
+            }
+            let all = vertices.iter().all(|&v| v.distance(portal.center) <= portal.radius);
+            assert!(all, "the ball around {vertices:?}: {} of {}", portal.radius, portal.center);
+            assert_eq!(portals.all[portal.reverse as usize].to, portal.from, "the other direction");
+        }
+        // Vertices nearer than may be merged make no edge, and a portal narrower than 4/5 of the clearance
+        // vanishes.
+        let merge = portals.margins.merge;
+        let near = [square[0], square[1], square[1] + DVec3::Y * merge * 0.5, square[2], square[3]];
+        assert_eq!(in_a_row(&[&near], 1e-2).vertices.len(), 8, "a square with a short edge, both ways");
+        let count = |width: f64| in_a_row(&[&window([3.0, 3.0 + width], 1.0)], 1e-2).all.len();
+        assert_eq!((count(0.009), count(0.007)), (2, 0), "portals 9 mm and 7 mm wide");
+    }
+
+    #[test]
+    fn balls_hold_their_points() {
+        let mut random = Random(1);
+        for i in 0..10_000 {
+            let far = random.fine_vector(10f64.powi(i % 9));
+            let points: Vec<DVec3> = (0..3 + i % 5).map(|_| far + random.fine_vector(1.0)).collect();
+            let (center, radius) = bounding_ball(&points);
+            let most = points.iter().map(|p| p.distance(center)).fold(0.0, f64::max);
+            assert!(most <= radius && radius < most + 1e-6 && radius > 0.0, "{radius} of {most}: {points:?}");
+        }
+    }
+
+    #[test]
+    fn margins_exceed_the_rounding_and_grow_with_the_clearance() {
+        for (extent, clearance) in [(1.0, 1e-3), (1000.0, 1e-6), (1e9, 0.2)] {
+            let margins = Margins::new(clearance, extent);
+            assert!(margins.keep >= 12.0 * margins.noise, "{margins:?}");
+            assert!(margins.keep >= 0.9999e-4 * clearance, "{margins:?}");
+            assert_eq!(margins.clearance, clearance, "{margins:?}");
+            // Vertices that are merged stay within the part of the clearance that is left.
+            assert!(margins.merge + margins.keep < 0.1 * clearance, "{margins:?}");
+        }
+    }
+
+    #[test]
+    fn portals_follow_each_other_where_a_line_may_pass_both() {
+        let at = |x: [f64; 2], z: f64| window(x, z);
+        let first = at([0.0, 2.0], 0.0);
+        let follows = |second: &[DVec3]| {
+            let portals = in_a_row(&[&first, second], 1e-4);
+            let [a, b] = [0, 1].map(|cell| {
+                portals.all.iter().find(|portal| portal.from == cell && portal.to == cell + 1).unwrap()
+            });
+            (portals.can_follow(a, b), portals.can_follow(b, a))
+        };
+        assert_eq!(follows(&at([0.0, 2.0], 3.0)), (true, false), "a window behind another");
+        assert_eq!(follows(&at([0.0, 2.0], -3.0)), (false, true), "a window before another");
+        assert_eq!(follows(&at([4.0, 6.0], 0.0)), (false, false), "windows in one plane");
+        // Before and behind each other's planes by 1/4 of the clearance, side by side and one behind the other.
+        let tilted = |x: f64| {
+            [[x, 0.0], [x + 2.0, 0.0], [x + 2.0, 2.0], [x, 2.0]]
+                .map(|[x, y]| DVec3::new(x, y, (y - 1.0) * 2.5e-5))
+        };
+        assert_eq!(follows(&tilted(4.0)), (false, false), "windows side by side that are rounded");
+        assert_eq!(follows(&tilted(1.0)).0, true, "windows of which a part is behind each other");
+        // 4 clearances off a plane, lines pass from one to the other.
+        assert_eq!(
+            follows(&tilted(4.0).map(|v| DVec3::new(v.x, v.y, v.z * 16.0))).0,
+            true,
+            "windows that tilt"
+        );
+        // A window across the plane of the first, and one that faces it from behind its plane.
+        let across = [[1.0, 0.0, -1.0], [1.0, 2.0, -1.0], [1.0, 2.0, 3.0], [1.0, 0.0, 3.0]].map(DVec3::from);
+        assert_eq!(follows(&across), (true, true), "a window across the plane of another");
+        let beside = across.map(|v| v + DVec3::X * 5.0);
+        let turned = [beside[3], beside[2], beside[1], beside[0]];
+        assert_eq!(follows(&beside), (true, false), "a window whose plane has the other behind it");
+        assert_eq!(follows(&turned), (false, true), "a window whose plane has the other before it");
+    }
 }

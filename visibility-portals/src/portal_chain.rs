@@ -213,3 +213,39 @@ impl CellFlood {
         self.queue.pop()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::cells::{CellGraph, CellId};
+    use visibility_core::geometry::ConvexPolygon;
+
+    #[test]
+    fn portals_are_outside_only_with_all_vertices() {
+        let corners = [[1.0, 0.0], [9.0, 0.0], [9.0, 4.0], [1.0, 4.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+        let portal = (ConvexPolygon::new(corners).unwrap(), [CellId(0), CellId(1)]);
+        let portals = DirectedPortals::new(&CellGraph::new(2, [portal]).unwrap(), 1e-3, 9.0);
+        let vertices = portals.vertices_of(&portals.all[0]);
+        let [low, high] = [f64::min as fn(f64, f64) -> f64, f64::max]
+            .map(|pick| vertices.iter().map(|v| v.x).reduce(pick).unwrap());
+        let ball = (portals.all[0].center, portals.all[0].radius);
+        let right_of = |x: f64| Plane::new(DVec3::X, -x);
+        let outside = |planes: &[Plane]| is_outside(&portals, planes, 0, ball);
+        assert!(!outside(&[]), "no planes");
+        // At its middle, between its middle and its end, at its end, and beyond.
+        for x in [low - 1.0, low, 3.0, ball.0.x, 7.0, high] {
+            assert!(!outside(&[right_of(x)]), "a plane at {x}");
+            assert!(!outside(&[right_of(low), right_of(x)]), "planes at {low} and {x}");
+        }
+        let just_beyond = high.next_up();
+        for x in [just_beyond, 9.5, ball.0.x + ball.1, 100.0] {
+            assert!(outside(&[right_of(x)]), "a plane at {x}");
+            assert!(outside(&[right_of(0.0), right_of(x)]), "planes at 0 and {x}");
+        }
+        // Outside of two planes by half of it each, and of none by all of it.
+        assert!(!outside(&[right_of(7.0), right_of(3.0).flipped()]), "two planes with nothing between them");
+        // The mean of the vertices is on the plane: so are vertices, or inside.
+        let middle = Plane::new(DVec3::Y, -ball.0.y);
+        assert!(!outside(&[middle]) && !outside(&[middle.flipped()]), "planes through the middle");
+    }
+}

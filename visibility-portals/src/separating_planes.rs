@@ -90,7 +90,8 @@ fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, plan
             }
         }
         let is_steep = slope.abs() * margins.noise > 0.1 * margins.clearance;
-        if stopped || is_steep || slope == f64::NEG_INFINITY {
+        // Without a vertex on that side, the slope is negative infinity, which is steep.
+        if stopped || is_steep {
             continue;
         }
         // The unit normal, oriented so that polygon `of` lies on the side `own`.
@@ -107,4 +108,111 @@ fn tangents(of: Facing, to: Facing, side: f64, own: f64, margins: &Margins, plan
 /// Returns the greater of two numbers, neither of them NaN. Compiles to one instruction, unlike `f64::max`.
 fn greater(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::directed_portals::DirectedPortals;
+    use visibility_core::cells::{CellGraph, CellId};
+    use visibility_core::geometry::ConvexPolygon;
+
+    /// Returns the margins for coordinates of up to 16, and a clearance of `clearance`.
+    fn margins(clearance: f64) -> Margins {
+        let corners = [[0.0, 0.0], [16.0, 0.0], [16.0, 16.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+        let portal = (ConvexPolygon::new(corners).unwrap(), [CellId(0), CellId(1)]);
+        DirectedPortals::new(&CellGraph::new(2, [portal]).unwrap(), clearance, 16.0).margins
+    }
+
+    fn rectangle(x: [f64; 2], y: [f64; 2], z: f64) -> Vec<DVec3> {
+        [[x[0], y[0]], [x[1], y[0]], [x[1], y[1]], [x[0], y[1]]].map(|[x, y]| DVec3::new(x, y, z)).to_vec()
+    }
+
+    /// Returns the planes that separate polygon `a` from `b`, both across the z axis.
+    fn planes(a: &[DVec3], b: &[DVec3], margins: &Margins) -> Vec<Plane> {
+        let [a, b] = [a, b].map(|vertices| Facing { vertices, normal: DVec3::Z, sense: 1.0 });
+        let mut planes = Vec::new();
+        push_separating_planes(a, b, margins, &mut planes);
+        planes
+    }
+
+    /// Returns where planes bound the points at `z` along x, as the greatest lower and the least upper bound.
+    fn bounds_at(planes: &[Plane], z: f64) -> [f64; 2] {
+        planes.iter().filter(|plane| plane.normal.x.abs() > 1e-3).fold([-1e9, 1e9], |[low, high], plane| {
+            let at = -(plane.offset + plane.normal.z * z) / plane.normal.x;
+            if plane.normal.x > 0.0 { [f64::max(low, at), high] } else { [low, f64::min(high, at)] }
+        })
+    }
+
+    #[test]
+    fn planes_bound_what_lines_reach_beyond_two_windows() {
+        let margins = margins(1e-6);
+        let first = rectangle([0.0, 2.0], [0.0, 2.0], 0.0);
+        // The second window, 1 m behind the first, is smaller, larger, or beside it.
+        for (x, beyond) in [([0.5, 1.5], [-1.0, 3.0]), ([-1.0, 4.0], [-4.0, 8.0]), ([3.0, 5.0], [4.0, 10.0])]
+        {
+            let found = planes(&first, &rectangle(x, [0.0, 2.0], 1.0), &margins);
+            assert_eq!(found.len(), 8, "{x:?}: a plane for each edge of either window");
+            let at = bounds_at(&found, 2.0);
+            assert!((0..2).all(|i| (at[i] - beyond[i]).abs() < 1e-8), "{x:?}: {at:?}");
+            // The planes keep what lines reach, and lie outside of it by the distance that clipping keeps.
+            assert!(at[0] < beyond[0] && at[1] > beyond[1], "{x:?}: {at:?}");
+        }
+        // A window that the plane of the first one cuts: its vertices in front and behind bound nothing at
+        // the edges on whose inner side they are.
+        let across = [[0.5, 0.5, -1.0], [1.5, 0.5, 1.0], [1.5, 1.5, 1.0], [0.5, 1.5, -1.0]].map(DVec3::from);
+        let [first, across] = [&first[..], &across[..]].map(|vertices| {
+            let normal = (vertices[1] - vertices[0]).cross(vertices[2] - vertices[1]).normalize();
+            Facing { vertices, normal, sense: 1.0 }
+        });
+        let mut found = Vec::new();
+        tangents(first, across, 1.0, -1.0, &margins, &mut found);
+        assert!(found.is_empty(), "planes at edges of the first window: {found:?}");
+    }
+
+    /// The second window lies beside the first one, the farther behind its plane, the less steep is a plane
+    /// through an edge of the first and a vertex of the second.
+    #[test]
+    fn steep_planes_are_not_used() {
+        let margins = margins(1e-6);
+        let steepest = 0.1 * margins.clearance / margins.noise;
+        let first = rectangle([0.0, 2.0], [0.0, 2.0], 0.0);
+        for (steepness, is_used) in [(0.5, true), (0.99, true), (1.01, false), (2.0, false)] {
+            // Planes through the edge at x = 0, with the vertices at x = 8.
+            let second = rectangle([4.0, 8.0], [0.0, 2.0], 8.0 / (steepest * steepness));
+            let [first, second] =
+                [&first, &second].map(|vertices| Facing { vertices, normal: DVec3::Z, sense: 1.0 });
+            let mut found = Vec::new();
+            tangents(first, second, 1.0, -1.0, &margins, &mut found);
+            let is_steep = |plane: &Plane| plane.normal.z.abs() > 0.9999 && plane.normal.x < 0.0;
+            assert_eq!(found.iter().any(is_steep), is_used, "steepness {steepness}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn windows_of_more_than_128_vertices_and_short_edges_bound_nothing() {
+        let margins = margins(1e-6);
+        let ring = |count: u32, z: f64| -> Vec<DVec3> {
+            let angles = (0..count).map(|i| f64::from(i) / f64::from(count) * core::f64::consts::TAU);
+            angles.map(|angle| DVec3::new(8.0 * angle.cos(), 8.0 * angle.sin(), z)).collect()
+        };
+        let square = rectangle([0.0, 2.0], [0.0, 2.0], 0.0);
+        for (count, expected) in [(128, 132), (129, 0)] {
+            assert_eq!(planes(&square, &ring(count, 1.0), &margins).len(), expected, "{count} behind");
+            assert_eq!(planes(&ring(count, -1.0), &square, &margins).len(), expected, "{count} before");
+        }
+        let mut short = square.clone();
+        short.insert(1, square[1] - DVec3::X * margins.merge * 0.9);
+        assert_eq!(
+            planes(&short, &rectangle([0.0, 2.0], [0.0, 2.0], 1.0), &margins).len(),
+            8,
+            "a short edge"
+        );
+        short[1] = square[1] - DVec3::X * margins.merge * 1.1;
+        assert_eq!(
+            planes(&short, &rectangle([0.0, 2.0], [0.0, 2.0], 1.0), &margins).len(),
+            9,
+            "a longer edge"
+        );
+    }
 }

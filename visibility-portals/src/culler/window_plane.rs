@@ -197,8 +197,9 @@ pub(super) fn clip_corners(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::integer_vectors::{IntegerVector, Random as Exact};
     use alloc::vec::Vec;
-    use visibility_testing::Random;
+    use visibility_testing::{Random, sign_of_sum};
 
     /// Returns one of the two unit vectors along `axis`, or a vector of random direction and of a length up
     /// to 1.
@@ -251,5 +252,53 @@ mod tests {
             met += 1;
         }
         assert!(met > 10_000, "{met} points are inside");
+    }
+
+    /// A corner that is on a plane, or inside of it by less than the rounding of its distance, is kept.
+    #[test]
+    fn corners_on_a_plane_are_kept_whatever_the_rounding() {
+        let (mut random, mut rounded, mut out) = (Random(3), 0, Vec::new());
+        for trial in 0..50_000 {
+            let (normal, at) = (random.direction(), random.fine_vector(10f64.powi(trial % 9 - 4)));
+            let off = f64::from(random.between(-4, 4)) * U * normal.abs().dot(at.abs());
+            let plane = Plane::new(normal, off - normal.dot(at));
+            let terms = (0..3).map(|k| (normal[k], at[k])).chain([(plane.offset, 1.0)]);
+            if sign_of_sum(terms) < 0 {
+                continue;
+            }
+            rounded += u32::from(plane.signed_distance(at) < 0.0);
+            let side = WindowPlane { plane, slope: 0.0, slack: 0.0 };
+            let corner = Corner { at, edge: EdgeSource::End };
+            let is_left = clip_corners(&[corner; 3], &side, EdgeSource::End, &mut 0.0, &mut out);
+            assert!(is_left, "trial {trial}: a corner at {at}, {plane:?}");
+        }
+        assert!(rounded > 50, "{rounded} corners inside seem to be outside");
+    }
+
+    /// What clipping adds to the error covers the distance of crossings from the edges that they are on. All
+    /// corners are whole numbers of up to 26 bits, and distances are computed in units of 2^-40.
+    #[test]
+    fn crossings_are_as_near_to_their_edges_as_the_error_says() {
+        let (mut random, mut most, mut out) = (Exact(4), 0.0, Vec::new());
+        for trial in 0..20_000 {
+            let ends = [0; 3].map(|_| random.vector(1 << 26));
+            let plane = Plane::new(random.vector(1 << 26).to_f64().normalize_or_zero(), 0.0);
+            let side = WindowPlane { plane, slope: 0.0, slack: 0.0 };
+            let corners = ends.map(|at| Corner { at: at.to_f64(), edge: EdgeSource::Own(0) });
+            let mut error = 0.0;
+            clip_corners(&corners, &side, EdgeSource::End, &mut error, &mut out);
+            for at in out.iter().map(|corner| corner.at) {
+                let whole = IntegerVector((at * (1u64 << 40) as f64).to_array().map(|x| x as i128));
+                let off = (0..3).map(|k| {
+                    let (a, e) = (ends[k], ends[(k + 1) % 3].minus(ends[k]));
+                    let across = whole.minus(a.times(1 << 40)).cross(e);
+                    across.to_f64().length() / (e.to_f64().length() * (1u64 << 40) as f64)
+                });
+                let off = off.fold(f64::INFINITY, f64::min);
+                assert!(off <= error + 1e-11, "trial {trial}: {at} is {off} off its edge, error {error}");
+                most = f64::max(most, off);
+            }
+        }
+        assert!(most > 1e-9, "a crossing {most} off its edge");
     }
 }

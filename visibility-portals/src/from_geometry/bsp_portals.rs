@@ -367,6 +367,7 @@ pub(super) fn renumber_leaves(
 
 #[cfg(test)]
 mod tests {
+    use super::super::subtract_polygons::area as area_of;
     use super::*;
 
     /// With a tolerance of 0.1 m, a back 0.04 m wide is no leak of a piece of a portal, but for a piece that
@@ -391,5 +392,116 @@ mod tests {
             let found = leaks(&strip(piece), &covers, &exact, true, DVec3::X, &lengths);
             assert!(!found, "a front {back} m wide in a piece {piece} m wide");
         }
+    }
+
+    fn rectangle(x: f64, y: [f64; 2], z: [f64; 2]) -> Vec<DVec3> {
+        [[y[0], z[0]], [y[1], z[0]], [y[1], z[1]], [y[0], z[1]]].map(|[y, z]| DVec3::new(x, y, z)).to_vec()
+    }
+
+    fn node(plane: Plane, covers: Vec<NodeCover>) -> Node {
+        let [front, back] = [0, 1].map(Child::Leaf);
+        Node { plane, parent: None, front, back, covers }
+    }
+
+    /// Covers may be off the plane by half of the tolerance, here 0.05 m, and are found even so.
+    #[test]
+    fn covers_off_the_plane_cover_it_and_leak() {
+        let lengths = Lengths::new(0.1, 10.0);
+        let piece = rectangle(0.0, [0.0, 4.0], [0.0, 3.0]);
+        for off in [-0.049, 0.049] {
+            let vertices = rectangle(off, [1.0, 2.0], [-1.0, 4.0]);
+            let cover = NodeCover { vertices, faces_front: true, one_sided: true };
+            let node = node(Plane::new(DVec3::X, 0.0), Vec::new());
+            let [covers, exact] =
+                [lengths.widen, 0.0].map(|by| alloc::vec![Cover::new(&cover, &node, by, &lengths)]);
+            assert!(
+                leaks(&piece, &covers, &exact, false, DVec3::X, &lengths),
+                "a back {off} m off the plane"
+            );
+            let (mut open, mut covered) = (Vec::new(), [0.0; 2]);
+            let all: Vec<&Cover> = covers.iter().collect();
+            subtract_covers(piece.clone(), &all, DVec3::X, &lengths, 0, &mut open, &mut covered);
+            assert_eq!(open.len(), 2, "{off} m off: the open parts on both sides of the cover: {open:?}");
+            assert!((covered[0] - 1.1 * 3.0).abs() < 1e-9 && covered[1] == 0.0, "{off} m off: {covered:?}");
+        }
+    }
+
+    /// A piece with more than 32 covers in one place is halved no more often than it may be.
+    #[test]
+    fn many_covers_in_one_place_end() {
+        let lengths = Lengths::new(1e-3, 10.0);
+        let piece = rectangle(0.0, [0.0, 8.0], [0.0, 3.0]);
+        let cover = NodeCover {
+            vertices: rectangle(0.0, [1.0, 7.0], [1.0, 2.0]),
+            faces_front: false,
+            one_sided: false,
+        };
+        let node = node(Plane::new(DVec3::X, 0.0), Vec::new());
+        for count in [1, 32, 33, 100] {
+            let covers: Vec<Cover> =
+                (0..count).map(|_| Cover::new(&cover, &node, lengths.widen, &lengths)).collect();
+            let (mut open, mut covered) = (Vec::new(), [0.0; 2]);
+            let all: Vec<&Cover> = covers.iter().collect();
+            subtract_covers(piece.clone(), &all, DVec3::X, &lengths, 0, &mut open, &mut covered);
+            let left: f64 = open.iter().map(|part| area_of(part, DVec3::X)).sum();
+            let hidden = 6.001 * 1.001;
+            assert!((left - (24.0 - hidden)).abs() < 1e-6, "{count} covers leave {left}");
+            assert!((covered[1] - hidden).abs() < 1e-6 && covered[0] == 0.0, "{count} covers: {covered:?}");
+        }
+    }
+
+    #[test]
+    fn sections_of_a_box_are_what_a_plane_has_in_common_with_it() {
+        let lengths = Lengths::new(1e-3, 10.0);
+        let (min, max) = (DVec3::new(-1.0, -2.0, -3.0), DVec3::new(4.0, 5.0, 6.0));
+        let area = |plane: Plane| {
+            let section = section_of_box(&plane, min, max, &lengths);
+            area_of(&section, plane.normal)
+        };
+        for (plane, expected) in [
+            (Plane::new(DVec3::X, -1.0), 63.0),
+            (Plane::new(-DVec3::X, -1.0), 63.0),
+            (Plane::new(DVec3::X, 1.0), 63.0),
+            (Plane::new(DVec3::Y, 1.0), 45.0),
+            (Plane::new(DVec3::Z, -6.0), 35.0),
+            (Plane::new(DVec3::X, -4.5), 0.0),
+            (Plane::new(DVec3::new(0.6, 0.8, 0.0), 0.0), 9.0 * (8.0 / 3.0 + 1.0) / 0.8),
+        ] {
+            assert!((area(plane) - expected).abs() < 1e-9, "{plane:?}: {}", area(plane));
+        }
+    }
+
+    /// A polygon across a plane is divided, one beside it goes to its side, and one in it to both sides.
+    #[test]
+    fn polygons_are_split_among_the_leaves_that_they_are_in() {
+        let lengths = Lengths::new(1e-3, 10.0);
+        let bsp = Bsp {
+            nodes: alloc::vec![node(Plane::new(DVec3::Y, -2.0), Vec::new())],
+            leaves: 2,
+            min: DVec3::ZERO,
+            max: DVec3::splat(4.0),
+        };
+        let split = |y: [f64; 2]| {
+            let mut out = Vec::new();
+            bsp.split_among_leaves(rectangle(1.0, y, [0.0, 3.0]), Child::Node(0), &lengths, &mut out);
+            out.sort_by_key(|&(leaf, _)| leaf);
+            out.iter().map(|(leaf, part)| (*leaf, part.len())).collect::<Vec<_>>()
+        };
+        let near = 0.9 * lengths.merge;
+        for (y, expected) in [
+            ([0.0, 4.0], alloc::vec![(0, 4), (1, 4)]),
+            ([2.0, 4.0], alloc::vec![(0, 4)]),
+            ([2.0 - near, 4.0], alloc::vec![(0, 4)]),
+            ([0.0, 2.0], alloc::vec![(1, 4)]),
+            ([0.0, 2.0 + near], alloc::vec![(1, 4)]),
+        ] {
+            assert_eq!(split(y), expected, "from {} to {}", y[0], y[1]);
+        }
+        let mut out = Vec::new();
+        let flat: Vec<DVec3> =
+            rectangle(1.0, [0.0, 3.0], [0.0, 3.0]).iter().map(|p| DVec3::new(p.y, 2.0, p.z)).collect();
+        bsp.split_among_leaves(flat.clone(), Child::Node(0), &lengths, &mut out);
+        out.sort_by_key(|&(leaf, _)| leaf);
+        assert_eq!(out, [(0, flat.clone()), (1, flat)], "a polygon in the plane");
     }
 }

@@ -431,3 +431,259 @@ fn reached(
     }
     reached
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec;
+    use visibility_testing::Random;
+
+    /// Returns the rectangle of the plane at `at` of an axis, with ranges of the next axis and of the one after.
+    fn rectangle(axis: usize, at: f64, u: [f64; 2], v: [f64; 2]) -> ConvexPolygon {
+        let corner = |[a, b]: [f64; 2]| {
+            let mut p = DVec3::splat(at);
+            (p[(axis + 1) % 3], p[(axis + 2) % 3]) = (a, b);
+            p
+        };
+        ConvexPolygon::new([[u[0], v[0]], [u[1], v[0]], [u[1], v[1]], [u[0], v[1]]].map(corner)).unwrap()
+    }
+
+    /// A polygon too narrow to divide space, which reaches from one corner of a box to the other.
+    fn diagonal(min: [f64; 3], max: [f64; 3]) -> ConvexPolygon {
+        let [min, max] = [min, max].map(DVec3::from);
+        let beside = (max - min).normalize().any_orthonormal_vector() * 1e-6;
+        ConvexPolygon::new([min, max, (min + max) * 0.5 + beside]).unwrap()
+    }
+
+    /// Returns the cells of polygons with a margin of 0 and a tolerance of 1 mm.
+    fn cells(polygons: &[ConvexPolygon], settings: PolygonSettings<'_>) -> usize {
+        let settings = settings.with_margin(0.0).with_tolerance(1e-3);
+        from_polygons(polygons, &settings).unwrap().graph.cell_count()
+    }
+
+    /// Each unit face between two cells of a lattice is in a portal between them, unless a polygon covers it;
+    /// then it is in none, but where portals were merged across it.
+    #[test]
+    fn portals_are_what_polygons_leave_open_of_the_faces_of_cells() {
+        let (mut random, mut open, mut covered, mut wrong) = (Random(1), 0, 0, 0);
+        for case in 0..40 {
+            let whole = |random: &mut Random| {
+                let low = random.between(0, 4);
+                [low, random.between(low + 1, 5)].map(f64::from)
+            };
+            let count = 2 + random.below(10);
+            let rectangles: Vec<(usize, f64, [f64; 2], [f64; 2])> = (0..count)
+                .map(|_| {
+                    (random.below(3), f64::from(random.between(0, 5)), whole(&mut random), whole(&mut random))
+                })
+                .collect();
+            let mut soup: Vec<ConvexPolygon> =
+                rectangles.iter().map(|&(axis, at, u, v)| rectangle(axis, at, u, v)).collect();
+            soup.push(diagonal([0.0; 3], [5.0; 3]));
+            let settings = PolygonSettings::default().with_margin(1.0).with_tolerance(1e-3);
+            let settings = settings.with_min_share(random.pick(&[0.0, 0.3])).with_min_area(0.0);
+            let found = from_polygons(&soup, &settings).unwrap();
+            let box_ends = found.viewcells.divided_box();
+            assert_eq!(
+                box_ends,
+                Some([DVec3::splat(-1.0), DVec3::splat(6.0)]),
+                "case {case}: the divided box"
+            );
+            let owner = |p: DVec3| CellId(found.viewcells.locate(p).unwrap().0);
+            let is_covered = |axis: usize, p: DVec3| {
+                let (u, v) = (p[(axis + 1) % 3], p[(axis + 2) % 3]);
+                let holds = |range: [f64; 2], x: f64| range[0] < x && x < range[1];
+                rectangles
+                    .iter()
+                    .any(|&(of, at, us, vs)| of == axis && at == p[axis] && holds(us, u) && holds(vs, v))
+            };
+            let (range, mut all) = (-1..6, Vec::new());
+            for (x, y) in range.clone().flat_map(|x| range.clone().map(move |y| (x, y))) {
+                all.extend(range.clone().map(|z| DVec3::from([x, y, z].map(f64::from)) + 0.5));
+            }
+            for p in all {
+                for axis in 0..3 {
+                    let (face, next) = (p + DVec3::AXES[axis] * 0.5, p + DVec3::AXES[axis]);
+                    if next[axis] > 6.0 {
+                        continue;
+                    }
+                    let ends = [owner(p), owner(next)];
+                    let is_on = |portal: &&visibility_core::cells::Portal| {
+                        let vertices = portal.polygon().vertices();
+                        let normal = portal.plane().normal;
+                        let sides = (0..vertices.len()).map(|i| {
+                            let (a, b) = (vertices[i], vertices[(i + 1) % vertices.len()]);
+                            normal.cross(b - a).normalize_or_zero().dot(face - a)
+                        });
+                        portal.plane().signed_distance(face).abs() < 1e-6 && sides.fold(1.0, f64::min) > -1e-3
+                    };
+                    let on: Vec<_> = found.graph.portals().iter().filter(is_on).collect();
+                    let is_between = |portal: &visibility_core::cells::Portal| {
+                        let sense = portal.plane().normal[axis] > 0.0;
+                        portal.cells() == if sense { ends } else { [ends[1], ends[0]] }
+                    };
+                    let has = on.iter().any(|portal| is_between(portal));
+                    if ends[0] == ends[1] {
+                        assert!(on.is_empty(), "case {case}: a portal within a cell at {face}");
+                    } else if is_covered(axis, face) {
+                        covered += 1;
+                        wrong += u32::from(has);
+                    } else {
+                        open += 1;
+                        assert!(has, "case {case}: no portal from {ends:?} at {face}: {rectangles:?}");
+                    }
+                }
+            }
+        }
+        assert!(open > 3000 && covered > 1000, "{open} open faces, {covered} covered");
+        assert!(wrong < covered / 5, "{wrong} of {covered} covered faces are open");
+    }
+
+    #[test]
+    fn planes_divide_what_polygons_cover_enough_of() {
+        // A box 64 m long: 1/512 of the square of its side is 8 m2.
+        let divided = |section: f64, wall: [f64; 2], share: f64, area: f64| {
+            let soup = [
+                diagonal([0.0; 3], [64.0, section, section]),
+                rectangle(0, 32.0, [0.0, wall[0]], [0.0, wall[1]]),
+            ];
+            cells(&soup, PolygonSettings::default().with_min_share(share).with_min_area(area)) == 2
+        };
+        assert!(divided(2.0, [1.0, 1.0], 0.25, 0.0), "a wall of the least share");
+        assert!(!divided(2.0, [1.0, 1.0], 0.26, 0.0), "a wall of less than the least share");
+        assert!(divided(2.0, [1.0, 1.0], 0.25, 1.0), "a wall of the least area");
+        assert!(!divided(2.0, [1.0, 1.0], 0.25, 1.01), "a wall of less than the least area");
+        assert!(divided(8.0, [4.0, 2.0], 2.0, 0.0), "a wall of 8 m2, whatever its share");
+        assert!(!divided(8.0, [3.9, 2.0], 2.0, 0.0), "a wall of less than 8 m2 and a small share");
+        // Walls that overlap cover no more than all of a section.
+        let mut thrice = vec![rectangle(0, 32.0, [0.0, 1.0], [0.0, 1.0]); 3];
+        thrice.push(diagonal([0.0; 3], [64.0, 1.0, 1.0]));
+        let settings = PolygonSettings::default().with_min_area(0.0);
+        assert_eq!(cells(&thrice, settings.with_min_share(1.1)), 1, "a share of more than all");
+        assert_eq!(cells(&thrice, settings.with_min_share(1.0)), 2, "a share of all");
+    }
+
+    #[test]
+    fn the_limit_of_cells_holds_and_the_best_plane_divides_first() {
+        let wall = |x: f64, width: f64| rectangle(0, x, [0.0, width], [0.0, 4.0]);
+        let soup = [diagonal([0.0; 3], [10.0, 4.0, 4.0]), wall(2.0, 4.0), wall(5.0, 4.0), wall(9.0, 3.0)];
+        let settings = PolygonSettings::default().with_margin(0.0).with_tolerance(1e-3);
+        for limit in 1..6 {
+            let found = from_polygons(&soup, &settings.with_max_cells(limit)).unwrap();
+            assert_eq!(found.graph.cell_count(), limit.min(4), "a limit of {limit}");
+            if limit == 2 {
+                let mut ends: Vec<f64> =
+                    found.viewcells.cells().iter().map(|cell| (cell.max.x * 1e6).round() / 1e6).collect();
+                ends.sort_unstable_by(f64::total_cmp);
+                assert_eq!(ends, [5.0, 10.0], "the plane with walls on both sides");
+            }
+        }
+    }
+
+    #[test]
+    fn the_default_tolerance_is_of_coordinates_from_the_origin() {
+        let misplacement = |min: f64, max: f64, origin: f64| {
+            let soup = [rectangle(0, 1.0, [min, max], [-1.0, 1.0])];
+            let settings =
+                PolygonSettings::default().with_margin(0.0).with_origin(DVec3::new(1.0, origin, 0.0));
+            from_polygons(&soup, &settings).unwrap().viewcells.misplacement()
+        };
+        let [fine, rounding] = [20, 40].map(|bits| 1.0 / (1u64 << bits) as f64);
+        for (min, max, origin, relative, extent) in [
+            (-1000.0, 10.0, 0.0, 1000.0, 1000.0),
+            (-10.0, 1000.0, 0.0, 1000.0, 1000.0),
+            (-10.0, 1000.0, 900.0, 910.0, 1000.0),
+            (1e6, 1e6 + 10.0, 1e6, 0.0, 1e6 + 10.0),
+            (-1e6 - 10.0, -1e6, -1e6, 0.0, 1e6 + 10.0),
+        ] {
+            let tolerance = f64::max(relative * fine, extent * rounding * 16.0);
+            let expected = 0.5 * tolerance + 4.0 * extent * rounding;
+            let found = misplacement(min, max, origin);
+            assert!(
+                (found / expected - 1.0).abs() < 1e-9,
+                "{min} to {max}, {origin}: {found}, not {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn settings_at_their_limits() {
+        let soup = [rectangle(0, 1.0, [0.0, 1024.0], [0.0, 1.0])];
+        let settings = PolygonSettings::default().with_margin(0.0);
+        let least = 1024.0 / (1u64 << 36) as f64;
+        assert!(from_polygons(&soup, &settings.with_tolerance(least)).is_ok(), "the least tolerance");
+        let error = Err(GeometryError::Setting { what: "the tolerance", value: least.next_down() });
+        assert_eq!(from_polygons(&soup, &settings.with_tolerance(least.next_down())), error, "less than it");
+        for (min, max) in [(-1e77, 0.0), (0.0, 1e77)] {
+            let soup = [rectangle(0, 0.0, [min, max], [0.0, 1e70])];
+            let error = Err(GeometryError::Setting { what: "the greatest coordinate", value: 1e77 });
+            assert_eq!(from_polygons(&soup, &settings), error, "from {min} to {max}");
+        }
+        let margin = from_polygons(&soup, &settings.with_margin(2.0)).unwrap().viewcells.divided_box();
+        let expected = [DVec3::new(-1.0, -2.0, -2.0), DVec3::new(3.0, 1026.0, 3.0)];
+        assert_eq!(margin, Some(expected), "the box with a margin of 2 m");
+    }
+
+    /// Polygons up to a quarter of the tolerance off a plane are in it, as are those that face the other way.
+    #[test]
+    fn polygons_near_one_plane_share_it() {
+        let lengths = Lengths::new(0.1, 10.0);
+        let base = rectangle(0, 1.0, [0.0, 9.0], [0.0, 9.0]);
+        let planes = |other: ConvexPolygon| fragments(&[base.clone(), other], &[], &lengths).1.len();
+        for (off, count) in [(0.024, 1), (0.026, 2), (-0.024, 1), (-0.026, 2)] {
+            let flat = rectangle(0, 1.0 + off, [0.0, 3.0], [0.0, 3.0]);
+            let mut turned = flat.vertices().to_vec();
+            assert_eq!(planes(flat), count, "a polygon {off} m off");
+            turned.reverse();
+            assert_eq!(
+                planes(ConvexPolygon::new(turned.iter().copied()).unwrap()),
+                count,
+                "turned, {off} m off"
+            );
+        }
+        // A sliver as wide as a quarter of the tolerance covers nothing, a wider strip does.
+        for (width, count) in [(0.024, 1), (0.026, 2)] {
+            let strip = rectangle(1, 2.0, [0.0, width], [0.0, 3.0]);
+            assert_eq!(
+                fragments(&[base.clone(), strip], &[], &lengths).0.len(),
+                count,
+                "a strip {width} m wide"
+            );
+        }
+    }
+
+    /// Parts of polygons go to the sides that they reach by more than half of the tolerance, and become covers
+    /// where they reach neither.
+    #[test]
+    fn fragments_go_to_the_sides_that_they_reach() {
+        let lengths = Lengths::new(0.1, 10.0);
+        let plane = Plane::new(DVec3::X, -1.0);
+        let counts = |x: [f64; 2]| {
+            let vertices =
+                [[x[0], 0.0], [x[1], 0.0], [x[1], 4.0], [x[0], 4.0]].map(|[x, y]| DVec3::new(x, y, y * 0.5));
+            let fragment = Fragment { vertices: vertices.to_vec(), plane: 0, area: 1.0, one_sided: false };
+            let (covers, front, back) = divide_fragments(vec![fragment], &plane, &lengths);
+            [covers.len(), front.len(), back.len()]
+        };
+        for (x, expected) in [
+            ([0.96, 1.04], [1, 0, 0]),
+            ([0.96, 1.06], [0, 1, 0]),
+            ([0.94, 1.04], [0, 0, 1]),
+            ([0.94, 1.06], [0, 1, 1]),
+            ([0.0, 4.0], [0, 1, 1]),
+            ([1.0, 4.0], [0, 1, 0]),
+            ([-4.0, 1.0], [0, 0, 1]),
+        ] {
+            assert_eq!(counts(x), expected, "a fragment from {} to {}", x[0], x[1]);
+        }
+        let fragment = Fragment {
+            vertices: rectangle(2, 0.0, [0.0, 4.0], [0.0, 2.0]).vertices().to_vec(),
+            plane: 0,
+            area: 8.0,
+            one_sided: true,
+        };
+        let (_, front, back) = divide_fragments(vec![fragment], &plane, &lengths);
+        assert_eq!((front[0].area, back[0].area), (6.0, 2.0), "areas of the parts");
+        assert!(front[0].one_sided && back[0].one_sided, "parts of a one-sided polygon");
+    }
+}

@@ -255,9 +255,9 @@ impl Tree<'_> {
                 continue;
             }
             let may_split = self.cells.len() + waiting.len() + 1 < most;
-            let best = self.best_split(&region, &walls, &mut faces).filter(|&(_, _, share, area)| {
-                may_split && (share >= min_share || area >= min_area && area > 0.0)
-            });
+            let best = self
+                .best_split(&region, &walls, &mut faces)
+                .filter(|&(_, _, share, area)| may_split && (share >= min_share || area >= min_area));
             let Some((axis, at, ..)) = best else {
                 self.nodes[node] = Node::Leaf(Some(CellId(self.cells.len() as u32)));
                 self.cells.push(region);
@@ -455,4 +455,285 @@ fn rectangle_polygon(axis: usize, rectangle: &Box3) -> Option<ConvexPolygon> {
     };
     let (min, max) = (rectangle.min, rectangle.max);
     ConvexPolygon::new([corner(min, min), corner(max, min), corner(max, max), corner(min, max)]).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec;
+    use visibility_core::cells::Portal;
+    use visibility_testing::Random;
+
+    fn wall(min: [i32; 3], max: [i32; 3]) -> [DVec3; 2] {
+        [min, max].map(|p| DVec3::from(p.map(f64::from)))
+    }
+
+    /// Returns boxes on the planes of a lattice of 7 planes along each axis, half of them without thickness.
+    fn lattice_walls(random: &mut Random) -> Vec<[DVec3; 2]> {
+        let count = 1 + random.below(12);
+        let mut walls = Vec::new();
+        for i in 0..count {
+            let min = [0; 3].map(|_| random.between(0, 5));
+            let mut max = min.map(|low| random.between(low + 1, 6));
+            if i % 2 == 0 {
+                let axis = random.below(3);
+                max[axis] = min[axis];
+            }
+            walls.push(wall(min, max));
+        }
+        walls
+    }
+
+    fn holds(region: [DVec3; 2], p: DVec3) -> bool {
+        region[0].cmple(p).all() && p.cmple(region[1]).all()
+    }
+
+    /// Returns the bounds of walls, `margin` wider on all sides.
+    fn bounds_of(walls: &[[DVec3; 2]], margin: f64) -> [DVec3; 2] {
+        let min = walls.iter().fold(DVec3::INFINITY, |min, wall| min.min(wall[0]));
+        let max = walls.iter().fold(DVec3::NEG_INFINITY, |max, wall| max.max(wall[1]));
+        [min - margin, max + margin]
+    }
+
+    /// The middles of all unit cubes between the planes of a lattice within a box of whole coordinates.
+    fn cubes([min, max]: [DVec3; 2]) -> impl Iterator<Item = DVec3> {
+        let range = |axis: usize| min[axis] as i32..max[axis] as i32;
+        let (x, y, z) = (range(0), range(1), range(2));
+        x.flat_map(move |x| {
+            let z = z.clone();
+            y.clone().flat_map(move |y| z.clone().map(move |z| [x, y, z]))
+        })
+        .map(|p| DVec3::from(p.map(f64::from)) + 0.5)
+    }
+
+    fn is_on(portal: &Portal, p: DVec3) -> bool {
+        let vertices = portal.polygon().vertices();
+        let min = vertices.iter().fold(DVec3::INFINITY, |min, &v| min.min(v));
+        let max = vertices.iter().fold(DVec3::NEG_INFINITY, |max, &v| max.max(v));
+        holds([min, max], p)
+    }
+
+    /// Each unit face between two cells of a lattice is covered by a wall, or is in one portal between these
+    /// cells; each unit cube is in one cell, or in a wall.
+    #[test]
+    fn portals_are_what_walls_leave_open_of_the_faces_of_cells() {
+        let (mut random, mut open, mut covered) = (Random(1), 0, 0);
+        for case in 0..80 {
+            let walls = lattice_walls(&mut random);
+            let (share, margin) = (random.pick(&[0.0, 0.2, 0.5]), f64::from(random.between(0, 1)));
+            let area = random.pick(&[0.0, 3.0, 9.0, 1e9]);
+            let limit = random.pick(&[2, 5, 1000]);
+            let settings = WallSettings::default().with_margin(margin).with_min_share(share);
+            let settings = settings.with_min_area(area).with_max_cells(limit);
+            let found = from_walls(&walls, &settings).unwrap();
+            let root = bounds_of(&walls, margin);
+            let cells: Vec<[DVec3; 2]> =
+                found.viewcells.cells().iter().map(|cell| [cell.min, cell.max]).collect();
+            assert!(cells.len() <= limit, "case {case}: {} cells of at most {limit}", cells.len());
+            assert_eq!(cells.len(), found.graph.cell_count(), "case {case}: bodies of cells");
+            let outer =
+                |cell: &[DVec3; 2]| (0..3).any(|k| cell[0][k] == root[0][k] || cell[1][k] == root[1][k]);
+            let outside: Vec<CellId> =
+                (0..).zip(&cells).filter(|(_, cell)| outer(cell)).map(|(i, _)| CellId(i)).collect();
+            assert_eq!(found.outside, outside, "case {case}: cells at the sides of the box");
+            let owner = |p: DVec3| {
+                let mut own = (0..).zip(&cells).filter(|(_, cell)| holds(**cell, p)).map(|(i, _)| CellId(i));
+                let first = own.next();
+                assert_eq!(own.next(), None, "case {case}: a second cell at {p}");
+                let in_wall = walls.iter().any(|wall| holds(*wall, p));
+                assert!(first.is_some() || in_wall, "case {case}: {p} is in no cell and no wall");
+                first
+            };
+            for portal in found.graph.portals() {
+                assert!(portal.polygon().area() >= 0.99, "case {case}: a portal without area: {portal:?}");
+            }
+            for p in cubes(root) {
+                let here = owner(p);
+                for axis in DVec3::AXES {
+                    let (face, next) = (p + axis * 0.5, p + axis);
+                    if !holds(root, next) {
+                        continue;
+                    }
+                    let found = found.graph.portals().iter().filter(|portal| is_on(portal, face));
+                    let found: Vec<_> = found.map(|portal| (portal.cells(), portal.plane().normal)).collect();
+                    let is_covered = walls.iter().any(|wall| holds(*wall, face));
+                    let expected = match (here, owner(next)) {
+                        (Some(a), Some(b)) if a != b && !is_covered => vec![([a, b], axis)],
+                        _ => vec![],
+                    };
+                    assert_eq!(found, expected, "case {case}: portals at {face}, walls {walls:?}");
+                    open += expected.len();
+                    covered += usize::from(is_covered);
+                }
+            }
+            // No wall that covers enough is left within a cell, unless the limit of cells is reached.
+            for (i, cell) in cells.iter().enumerate().filter(|_| limit == 1000) {
+                let region = Box3 { min: cell[0], max: cell[1] };
+                for (axis, at) in (0..3).flat_map(|axis| (-1..8).map(move |at| (axis, f64::from(at)))) {
+                    let is_in = |wall: &&[DVec3; 2]| wall[0][axis] == at || wall[1][axis] == at;
+                    let wall_area =
+                        |wall: &[DVec3; 2]| Box3 { min: wall[0], max: wall[1] }.common(&region).section(axis);
+                    let sum: f64 = walls.iter().filter(is_in).map(wall_area).sum();
+                    let is_share = sum / region.section(axis) >= share;
+                    let is_enough = sum > 0.0 && (is_share || sum >= area);
+                    let is_inside = region.min[axis] < at && at < region.max[axis];
+                    assert!(!(is_inside && is_enough), "case {case}: cell {i} has {sum} m2 on {axis} {at}");
+                }
+            }
+        }
+        assert!(open > 1000 && covered > 1000, "{open} open faces, {covered} covered ones");
+    }
+
+    /// Returns the boxes of the cells of a room of 4 m with a wall in its middle, one of 4 m2 of 16.
+    fn cells_beside_a_quarter(thickness: i32, settings: WallSettings) -> usize {
+        let walls =
+            [wall([0, 0, 0], [4, 4, 0]), wall([0, 0, 4], [4, 4, 4]), wall([2, 0, 0], [2 + thickness, 1, 4])];
+        from_walls(&walls, &settings.with_margin(0.0)).unwrap().graph.cell_count()
+    }
+
+    #[test]
+    fn a_wall_divides_what_it_covers_enough_of() {
+        let settings = WallSettings::default();
+        let of = |share: f64, area: f64| settings.with_min_share(share).with_min_area(area);
+        assert_eq!(cells_beside_a_quarter(0, of(0.25, 1e9)), 2, "a wall of the least share");
+        assert_eq!(cells_beside_a_quarter(0, of(0.26, 1e9)), 1, "a wall of less than the least share");
+        assert_eq!(cells_beside_a_quarter(0, of(2.0, 4.0)), 2, "a wall of the least area");
+        assert_eq!(cells_beside_a_quarter(0, of(2.0, 4.5)), 1, "a wall of less than the least area");
+        assert_eq!(cells_beside_a_quarter(1, of(0.25, 1e9)), 3, "a thick wall, with a cell beside its end");
+        // The default least area is 1/32 of the largest face, here 1/2 of the 16 m2 of the floor.
+        let share = settings.with_min_share(2.0);
+        assert_eq!(cells_beside_a_quarter(0, share), 2, "a wall of more than the default area");
+        let walls = [wall([0, 0, 0], [16, 4, 0]), wall([0, 0, 4], [16, 4, 4]), wall([5, 0, 0], [5, 1, 1])];
+        let count = from_walls(&walls, &share.with_margin(0.0)).unwrap().graph.cell_count();
+        assert_eq!(count, 1, "a wall of 1 m2, with a floor of 64 m2");
+    }
+
+    #[test]
+    fn the_most_central_of_the_walls_that_cover_most_divides_first() {
+        let full = |x: i32| wall([x, 0, 0], [x, 4, 4]);
+        let floor = [wall([0, 0, 0], [10, 4, 0]), wall([0, 0, 4], [10, 4, 4])];
+        let ends = |more: &[[DVec3; 2]]| {
+            let settings = WallSettings::default().with_margin(0.0).with_max_cells(2);
+            let found = from_walls(&[&floor[..], more].concat(), &settings).unwrap();
+            found.viewcells.cells().iter().map(|cell| cell.max.x).collect::<Vec<_>>()
+        };
+        let sorted = |mut ends: Vec<f64>| {
+            ends.sort_unstable_by(f64::total_cmp);
+            ends
+        };
+        for order in [[1, 5, 8], [8, 5, 1], [5, 8, 1]] {
+            assert_eq!(sorted(ends(&order.map(full))), [5.0, 10.0], "walls at {order:?}");
+        }
+        // A central wall of 3/4 of the section, and a full one at the side.
+        let partial = wall([5, 0, 0], [5, 3, 4]);
+        assert_eq!(sorted(ends(&[partial, full(8)])), [8.0, 10.0], "the larger wall");
+        // Two walls that overlap in a plane count as covering no more than all of it.
+        let twice = [full(1), full(1), full(5)];
+        assert_eq!(sorted(ends(&twice)), [5.0, 10.0], "a doubled wall, and a central one");
+    }
+
+    #[test]
+    fn coordinates_within_the_tolerance_become_one() {
+        let walls = |gap: f64| {
+            let mut walls =
+                vec![wall([0, 0, 0], [8, 4, 0]), wall([0, 0, 4], [8, 4, 4]), wall([4, 0, 0], [4, 2, 4])];
+            walls.push([DVec3::new(4.0 + gap, 2.0, 0.0), DVec3::new(4.0 + gap, 4.0, 4.0)]);
+            walls
+        };
+        let settings = WallSettings::default().with_margin(0.0).with_tolerance(0.25).with_min_share(0.1);
+        let of = |gap: f64| from_walls(&walls(gap), &settings).unwrap();
+        let merged = of(0.25);
+        assert_eq!((merged.graph.cell_count(), merged.graph.portals().len()), (2, 0), "walls 0.25 m apart");
+        assert_eq!(merged.viewcells.misplacement(), 0.25, "misplacement of cells");
+        assert_eq!(of(0.5).graph.cell_count(), 3, "walls 0.5 m apart");
+        // What has no area does not widen the box.
+        let mut more = walls(0.0);
+        more.push(wall([20, 0, 0], [30, 0, 0]));
+        let found = from_walls(&more, &settings).unwrap();
+        assert_eq!(found.viewcells.divided_box().map(|[_, max]| max.x), Some(8.0), "end of the box");
+    }
+
+    #[test]
+    fn settings_and_coordinates_at_their_limits() {
+        let settings = WallSettings::default().with_tolerance(0.0);
+        let is_setting = |made: Result<Subdivision, GeometryError>, name: &str| matches!(made, Err(GeometryError::Setting { what, .. }) if what == name);
+        let far = [[DVec3::ZERO, DVec3::new(1e77, 1.0, 1.0)], [DVec3::new(-1e77, 0.0, 0.0), DVec3::ONE]];
+        for wall in far {
+            let made = from_walls(&[wall], &settings.with_margin(0.0));
+            assert!(is_setting(made, "the greatest coordinate"), "a wall up to 1e77 m: {wall:?}");
+        }
+        let most = [DVec3::new(-1e76, 0.0, 0.0), DVec3::new(1.0, 1.0, 1e76)];
+        assert!(from_walls(&[most], &settings.with_margin(0.0)).is_ok(), "a wall up to 1e76 m");
+        let one = [wall([0, 0, 0], [1, 1, 1])];
+        for bad in [-1.0, f64::INFINITY, f64::NAN] {
+            assert!(is_setting(from_walls(&one, &settings.with_margin(bad)), "the margin"), "margin {bad}");
+            let made = from_walls(&one, &settings.with_tolerance(bad));
+            assert!(is_setting(made, "the tolerance"), "tolerance {bad}");
+        }
+        for bad in [DVec3::NEG_INFINITY, DVec3::new(0.0, f64::NAN, 0.0)] {
+            for wall in [[bad, DVec3::ONE], [DVec3::ZERO, bad]] {
+                let made = from_walls(&[one[0], wall], &settings);
+                assert_eq!(made, Err(GeometryError::Coordinate { index: 1 }), "{wall:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn floor_plans_are_upright_walls_between_a_floor_and_a_ceiling() {
+        let [a, b, c] = [[1.0, 2.0], [5.0, 2.0], [5.0, -3.0]].map(DVec2::from);
+        let walls = floor_plan(&[[b, a], [b, c]], 0.5, 3.0).unwrap();
+        let expected = [
+            [[1.0, 2.0, 0.5], [5.0, 2.0, 3.0]],
+            [[5.0, -3.0, 0.5], [5.0, 2.0, 3.0]],
+            [[1.0, -3.0, 0.5], [5.0, 2.0, 0.5]],
+            [[1.0, -3.0, 3.0], [5.0, 2.0, 3.0]],
+        ];
+        assert_eq!(walls, expected.map(|wall| wall.map(DVec3::from)), "walls, floor and ceiling");
+        assert_eq!(floor_plan(&[], 0.5, 3.0), Ok(vec![]), "no segments");
+        for bad in [[a, DVec2::NAN], [DVec2::new(5.0, f64::INFINITY), b]] {
+            assert_eq!(
+                floor_plan(&[[a, b], bad], 0.0, 1.0),
+                Err(GeometryError::Coordinate { index: 1 }),
+                "{bad:?}"
+            );
+        }
+        assert_eq!(
+            floor_plan(&[[a, c]], 0.0, 1.0),
+            Err(GeometryError::NotAxial { index: 0 }),
+            "a slanted wall"
+        );
+    }
+
+    /// Rectangles that are thinner or smaller than a polygon may be become polygons that hold them.
+    #[test]
+    fn rectangles_too_thin_or_too_small_for_a_polygon_are_widened() {
+        for (axis, size) in
+            [[1e-15, 1.0], [1.0, 1e-13], [1e-72, 1e-71], [1e-60, 1e-71], [1e-300, 1e70], [1e70, 1e-300]]
+                .into_iter()
+                .enumerate()
+                .map(|(i, size)| (i % 3, size))
+        {
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            let mut rectangle = Box3 { min: DVec3::ZERO, max: DVec3::ZERO };
+            (rectangle.max[u], rectangle.max[v]) = (size[0], size[1]);
+            let polygon = rectangle_polygon(axis, &rectangle).unwrap();
+            let (min, max) = polygon
+                .vertices()
+                .iter()
+                .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &v| (min.min(v), max.max(v)));
+            assert!(
+                holds([min, max], rectangle.min) && holds([min, max], rectangle.max),
+                "{size:?}: {polygon:?}"
+            );
+            assert_eq!(polygon.plane().map(|plane| plane.normal), Some(DVec3::AXES[axis]), "{size:?}");
+            let wider = (max - min - rectangle.max).max_element();
+            assert!(wider <= 5e-14 * size[0].max(size[1]) + 4e-70, "{size:?} is {wider} wider");
+        }
+        let sides = |size: f64| {
+            let rectangle = Box3 { min: DVec3::ZERO, max: DVec3::new(size, 1.0, 0.0) };
+            rectangle_polygon(2, &rectangle)
+                .map(|polygon| polygon.vertices().iter().fold(0.0, |x, v| v.x.max(x)))
+        };
+        assert_eq!(sides(1e-13), Some(1e-13), "a rectangle that is wide enough stays as it is");
+    }
 }

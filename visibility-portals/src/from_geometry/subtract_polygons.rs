@@ -224,4 +224,53 @@ mod tests {
             "the needle's side, 4 mm and 6 mm beyond"
         );
     }
+
+    #[test]
+    fn less_than_three_sides_cover_nothing() {
+        let lengths = Lengths::new(1e-4, 100.0);
+        let sides = [Plane::new(DVec3::X, 1.0), Plane::new(DVec3::Y, 1.0), Plane::new(-DVec3::X, 9.0)];
+        for (count, expected) in [(0, 100.0), (1, 100.0), (2, 100.0), (3, 10.0)] {
+            let mut pieces = alloc::vec![square(0.0, 0.0, 10.0)];
+            let covered = subtract(&mut pieces, &sides[..count], DVec3::Z, &lengths);
+            assert_eq!((left(&pieces), covered), (expected, 100.0 - expected), "{count} sides");
+        }
+    }
+
+    #[test]
+    fn corners_sharper_than_a_right_angle_are_cut_off() {
+        let count = |corners: &[[f64; 2]]| {
+            let cover: Vec<DVec3> = corners.iter().map(|&[x, y]| DVec3::new(x, y, 0.0)).collect();
+            let [mut planes, mut turned] = [Vec::new(), Vec::new()];
+            widened_sides(&cover, DVec3::Z, 0.5, &mut planes);
+            widened_sides(&cover, -DVec3::Z, 0.5, &mut turned);
+            assert_eq!(planes, turned, "planes for a normal of either sense");
+            for (plane, p) in planes.iter().flat_map(|plane| cover.iter().map(move |&p| (plane, p))) {
+                assert!(plane.signed_distance(p) > 0.4999, "{p} is as far within {plane:?} as the widening");
+            }
+            planes.len()
+        };
+        assert_eq!(count(&[[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]), 4, "a square");
+        assert_eq!(count(&[[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]]), 5, "a triangle with a right angle");
+        assert_eq!(count(&[[0.0, 0.0], [0.0, 4.0], [4.0, 4.0]]), 5, "a triangle that is clockwise");
+        assert_eq!(
+            count(&[[0.0, 0.0], [4.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]),
+            4,
+            "an edge without length"
+        );
+    }
+
+    #[test]
+    fn the_width_is_the_least_of_all_directions() {
+        let of = |corners: &[[f64; 2]]| {
+            let polygon: Vec<DVec3> = corners.iter().map(|&[x, y]| DVec3::new(x, y, 7.0)).collect();
+            width(&polygon, DVec3::Z)
+        };
+        assert_eq!(of(&[[0.0, 0.0], [9.0, 0.0], [9.0, 2.0], [0.0, 2.0]]), 2.0, "a rectangle");
+        assert_eq!(of(&[[0.0, 0.0], [3.0, 0.0], [3.0, 9.0], [0.0, 9.0]]), 3.0, "a rectangle that is upright");
+        assert!(
+            (of(&[[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]]) - 2.4).abs() < 1e-12,
+            "a triangle, across its longest side"
+        );
+        assert_eq!((of(&[]), of(&[[1.0, 1.0], [1.0, 1.0]])), (0.0, 0.0), "no polygon, and a point");
+    }
 }

@@ -392,3 +392,57 @@ fn first_frame(portal: u32, count: usize) -> ChainFrame {
     let (source, pass) = (0..count, 0..count);
     ChainFrame { portal, source, pass, planes: 0..0, set: 0, children: 0..0, points: 0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::{Random, sign_of_sum};
+
+    fn targets(boxes: &[[DVec3; 2]]) -> Targets {
+        let mut scene = visibility_core::Scene::new();
+        let unit = visibility_core::Aabb::from_arrays([0.0; 3], [1.0; 3]);
+        let ids: Vec<ObjectId> = boxes.iter().map(|_| scene.insert(unit)).collect();
+        let mut graph = CellGraph::new(1, []).unwrap();
+        graph.set_objects(ids.iter().map(|&id| (CellId(0), id))).unwrap();
+        Targets::new(&graph, |id| boxes.get(id.index()).copied())
+    }
+
+    /// Boxes whose farthest corner is in a plane up to its rounding, in front of it or behind it, are outside
+    /// only if exact arithmetic says so.
+    #[test]
+    fn boxes_that_touch_a_plane_are_not_outside() {
+        let (mut random, mut outside, mut touching) = (Random(1), 0, 0);
+        for i in 0..5_000 {
+            let min = random.fine_vector(10f64.powi(i % 7));
+            let max = min + random.fine_vector(10f64.powi(i % 3)).abs();
+            let normal = random.direction();
+            let far = DVec3::select(normal.cmpge(DVec3::ZERO), max, min);
+            let size = normal.abs().dot(min.abs().max(max.abs()));
+            let moved = f64::from(random.between(-8, 8)) * size * f64::EPSILON;
+            let plane = Plane::new(normal, moved - normal.dot(far));
+            let terms = (0..3).map(|k| (normal[k], far[k])).chain([(plane.offset, 1.0)]);
+            let is_outside = targets(&[[min, max]]).is_outside(0, &[plane]);
+            let sign = sign_of_sum(terms);
+            assert!(!is_outside || sign < 0, "case {i}: a box from {min} to {max}, {plane:?}");
+            touching += u32::from(!is_outside && sign < 0);
+            let moved = Plane::new(normal, plane.offset - 200.0 * size * f64::EPSILON);
+            outside += u32::from(targets(&[[min, max]]).is_outside(0, &[moved]));
+        }
+        assert!(outside == 5_000 && touching > 1_000, "{outside} clearly outside, {touching} undecided");
+    }
+
+    #[test]
+    fn boxes_are_outside_of_any_of_the_planes_and_flat_ones_too() {
+        let [low, high] = [DVec3::ZERO, DVec3::new(2.0, 2.0, 0.0)];
+        let all = targets(&[[low, high], [high, low + DVec3::Z], [DVec3::NAN, high]]);
+        let right_of = |x: f64| Plane::new(DVec3::X, -x);
+        assert!(!all.is_outside(0, &[]), "no planes");
+        for (x, expected) in [(-1.0, false), (1.0, false), (2.0, false), (2.1, true)] {
+            assert_eq!(all.is_outside(0, &[right_of(x)]), expected, "a flat box and a plane at {x}");
+            assert_eq!(all.is_outside(0, &[right_of(-5.0), right_of(x)]), expected, "planes at -5 and {x}");
+            for bad in [1, 2] {
+                assert!(!all.is_outside(bad, &[right_of(x)]), "a box that is none, and a plane at {x}");
+            }
+        }
+    }
+}

@@ -155,6 +155,41 @@ fn no_line_that_is_just_clear_is_excluded() {
     }
 }
 
+/// Vertices off the planes of their portals, by up to 10^-6 of the size, take their distance from the clearance
+/// of lines.
+#[test]
+fn lines_through_bent_portals_are_not_excluded() {
+    let (mut random, mut bent, mut tried) = (Random(5), 0, 0);
+    for i in 0..3_000 {
+        let clearance = 2e-6 * 500f64.powf(random.fine_range(0.0, 1.0));
+        let mut polygons = around(2 + i % 3, true, clearance, 0.0, &mut random);
+        let line = [middle(&polygons[0]), middle(&polygons[polygons.len() - 1])];
+        let mut off: f64 = 0.0;
+        for polygon in &mut polygons {
+            let plane = ConvexPolygon::new(polygon.iter().copied()).unwrap().plane().unwrap();
+            let by = 5e-7 * polygon.iter().fold(0.0, |size: f64, v| size.max((*v - polygon[0]).length()));
+            polygon.iter_mut().for_each(|v| *v += plane.normal * random.fine_range(-by, by));
+            let Ok(moved) = ConvexPolygon::new(polygon.iter().copied()) else { continue };
+            let plane = moved.plane().unwrap();
+            off = polygon.iter().fold(off, |off, &v| off.max(plane.signed_distance(v).abs()));
+        }
+        if polygons.iter().any(|polygon| ConvexPolygon::new(polygon.iter().copied()).is_err()) {
+            continue;
+        }
+        let clear = (clearance_of(&polygons, line[0], line[1]) - off) * 0.9999;
+        if clear > 1e-6 {
+            assert!(passes_planes(&polygons, clear), "case {i}, clearance {clear}: {polygons:?}");
+            assert!(!excludes(&polygons, clear), "case {i}, clearance {clear}: {polygons:?}");
+            tried += 1;
+            bent += u32::from(off > 0.1 * clear);
+        }
+    }
+    assert!(
+        tried > 100 && bent > 20,
+        "{tried} lines, {bent} through portals bent by a tenth of the clearance"
+    );
+}
+
 #[test]
 fn what_is_nearly_passed_is_rejected_and_no_search_finds_a_line() {
     let mut random = Random(2);

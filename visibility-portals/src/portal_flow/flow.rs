@@ -15,7 +15,7 @@ pub(crate) fn portal_flow(
 ) -> FlowResult {
     let mut result = FlowResult::default();
     scratch.begin(input, source);
-    if scratch.count == 0 || scratch.goals.next(0).is_none() {
+    if scratch.goals.next(0).is_none() {
         return result;
     }
     if input.depth == 0 {

@@ -65,6 +65,8 @@ fn errors_say_where() {
         ("PRT2\n4294967290\n1\n0\n0 -1\n", "line 4: 4294967290 leaves are too many"),
         ("PRT1-AM\n1\n0\n66000\n", "line 4: 66000 leaves are too many"),
         ("PRT2\n2\n1\n0\n5 -1\n", "line 5: there is no such leaf"),
+        ("PRT2\n2\n1\n0\n2 -1\n", "line 5: there is no such leaf"),
+        ("PRT1-AM\n1\n0\n1\n1\n", "line 5: there is no such cell"),
         ("PRT2\n2\n1\n0\n1\n", "line 5: the closing -1 is missing"),
     ] {
         assert_eq!(read(text).unwrap_err().to_string(), expected, "{text:?}");
@@ -105,4 +107,22 @@ fn no_prefix_and_no_changed_byte_panics() {
             let _ = read(core::str::from_utf8(&bytes).unwrap());
         }
     }
+}
+
+#[test]
+fn counts_at_their_limits_are_read() {
+    let ring = |count: usize| {
+        let angles = (0..count).map(|i| i as f64 / count as f64 * core::f64::consts::TAU);
+        let corners: String = angles.map(|angle| format!(" ({} {} 0)", angle.cos(), angle.sin())).collect();
+        read(&format!("PRT1\n2\n1\n{count} 0 1{corners}\n"))
+    };
+    assert!(ring(64).is_ok(), "a portal of as many vertices as there may be");
+    assert_eq!(ring(65).unwrap_err().to_string(), "line 4: 65 vertices are more than 64");
+    // As many cells as the length of the text and 65,536 allow, and one more.
+    let length = "PRT1\n65550\n0\n".len();
+    for (cells, is_read) in [(65_536 + length, true), (65_536 + length + 1, false)] {
+        assert_eq!(read(&format!("PRT1\n{cells}\n0\n")).is_ok(), is_read, "{cells} cells");
+    }
+    let file = read("PRT1\n2\n1\n3\t0 1(0 0 0)(0 1\t0)(0 1 1)\n").unwrap();
+    assert_eq!(file.graph.portals().len(), 1, "words that tabs and parentheses divide");
 }
