@@ -43,12 +43,13 @@ impl Default for BakerSettings {
 
 impl BakerSettings {
     /// Sets the clearance, a distance in world units. Lines of sight that pass a portal edge at a smaller
-    /// distance are ignored: a cell that is seen only along such lines may be found hidden. A portal whose
-    /// vertices are off its plane, by up to [`TOLERANCE`](visibility_core::geometry::ConvexPolygon::TOLERANCE)
-    /// of its size, counts as flat: the clearance is from edges that are moved into the plane, and lines that
-    /// keep that distance more from the edges as given keep it. Must be positive,
+    /// distance are ignored: a cell that is seen only along such lines may be found hidden. Must be positive,
     /// finite and at least 2^-33 of the greatest absolute coordinate of a portal vertex, so that rounding
     /// cannot decide. `None`, the default, stands for the greater of that least value and 1e-6.
+    ///
+    /// Portals count as flat. Where vertices are off the plane of their portal, which they may be by up to
+    /// [`TOLERANCE`](visibility_core::geometry::ConvexPolygon::TOLERANCE) of its size, lines must keep that
+    /// distance more from its edges.
     pub fn with_clearance(self, clearance: impl Into<Option<f64>>) -> Self {
         Self { clearance: clearance.into(), ..self }
     }

@@ -3,14 +3,14 @@
 //!
 //! # Margins
 //! A pair of cells must be called visible if a line through the portals between them stays clear of all
-//! portal edges by the clearance, after their vertices have been moved into the planes of the portals. A line
-//! that stays clear of the edges as given by the clearance, and by as much more as a vertex is off its plane,
-//! does so: no point of an edge moves farther. The thin cylinder around that line then passes as well. Each portal is
-//! shrunk by less than the clearance, so the line stays inside each shrunk portal with a margin. Shrinking
-//! also separates portals that share an edge, so that separating planes are never computed from coincident
-//! points. The rest of the margin pays for rounding. Clipping keeps points up to [`keep`](Margins::keep)
-//! outside a plane. Vertices nearer to each other than [`merge`](Margins::merge) become one, since the
-//! direction between them is dominated by rounding.
+//! portal edges by the clearance, and by as much more as vertices of a portal are off its plane: no point of
+//! an edge moves farther when vertices are moved into the plane, so the line stays clear of the edges there
+//! by the clearance. The thin cylinder around that line then passes as well. Each portal is shrunk by less than
+//! the clearance, so the line stays inside each shrunk portal with a margin. Shrinking also separates portals
+//! that share an edge, so that separating planes are never computed from coincident points. The rest of the
+//! margin pays for rounding. Clipping keeps points up to [`keep`](Margins::keep) outside a plane. Vertices
+//! nearer to each other than [`merge`](Margins::merge) become one, since the direction between them is
+//! dominated by rounding.
 
 use crate::coplanar_portals;
 use crate::pluecker::{Edge, Opening, edges_of};
@@ -343,7 +343,7 @@ mod tests {
         assert_eq!(follows(&at([0.0, 2.0], 3.0)), (true, false), "a window behind another");
         assert_eq!(follows(&at([0.0, 2.0], -3.0)), (false, true), "a window before another");
         assert_eq!(follows(&at([4.0, 6.0], 0.0)), (false, false), "windows in one plane");
-        // Before and behind each other's planes by 1/4 of the clearance, side by side and one behind the other.
+        // Across each other's planes by 1/4 of the clearance, side by side and one behind the other.
         let tilted = |x: f64| {
             [[x, 0.0], [x + 2.0, 0.0], [x + 2.0, 2.0], [x, 2.0]]
                 .map(|[x, y]| DVec3::new(x, y, (y - 1.0) * 2.5e-5))

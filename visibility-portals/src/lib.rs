@@ -50,8 +50,9 @@
 //!
 //! # Guarantees
 //! - A bake never calls two cells hidden from each other if a line passes between them that stays at least
-//!   the [clearance](BakerSettings::with_clearance) away from all portal edges, moved into the planes of their
-//!   portals, whatever the rounding. A frame without a bake removes no object that a line of sight reaches. A frame allows for the
+//!   the [clearance](BakerSettings::with_clearance) away from all portal edges, and as much more as vertices
+//!   of a portal are off its plane, whatever the rounding. A frame without a bake removes no object that a
+//!   line of sight reaches. A frame allows for the
 //!   [misplacement](visibility_core::pvs::Viewcells::misplacement) of portals, a bake does not: the line must
 //!   stay the clearance and the misplacement away from the edges of the true openings.
 //! - Bakes and frames give the same result on every machine, with any number of threads.

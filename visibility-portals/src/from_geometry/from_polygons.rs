@@ -438,7 +438,7 @@ mod tests {
     use alloc::vec;
     use visibility_testing::Random;
 
-    /// Returns the rectangle of the plane at `at` of an axis, with ranges of the next axis and of the one after.
+    /// Returns the rectangle at `at` of an axis, with ranges of the next axis and of the one after.
     fn rectangle(axis: usize, at: f64, u: [f64; 2], v: [f64; 2]) -> ConvexPolygon {
         let corner = |[a, b]: [f64; 2]| {
             let mut p = DVec3::splat(at);
@@ -652,8 +652,8 @@ mod tests {
         }
     }
 
-    /// Parts of polygons go to the sides that they reach by more than half of the tolerance, and become covers
-    /// where they reach neither.
+    /// Parts of polygons go to the sides that they reach by more than half of the tolerance, and cover the
+    /// plane where they reach neither.
     #[test]
     fn fragments_go_to_the_sides_that_they_reach() {
         let lengths = Lengths::new(0.1, 10.0);

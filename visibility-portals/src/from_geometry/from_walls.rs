@@ -656,7 +656,10 @@ mod tests {
     #[test]
     fn settings_and_coordinates_at_their_limits() {
         let settings = WallSettings::default().with_tolerance(0.0);
-        let is_setting = |made: Result<Subdivision, GeometryError>, name: &str| matches!(made, Err(GeometryError::Setting { what, .. }) if what == name);
+        let is_setting = |made: Result<Subdivision, GeometryError>, name: &str| match made {
+            Err(GeometryError::Setting { what, .. }) => what == name,
+            _ => false,
+        };
         let far = [[DVec3::ZERO, DVec3::new(1e77, 1.0, 1.0)], [DVec3::new(-1e77, 0.0, 0.0), DVec3::ONE]];
         for wall in far {
             let made = from_walls(&[wall], &settings.with_margin(0.0));

@@ -155,8 +155,8 @@ fn no_line_that_is_just_clear_is_excluded() {
     }
 }
 
-/// Vertices off the planes of their portals, by up to 10^-6 of the size, take their distance from the clearance
-/// of lines.
+/// Vertices off the planes of their portals, by up to 10^-6 of the size, take their distance from the
+/// clearance of lines.
 #[test]
 fn lines_through_bent_portals_are_not_excluded() {
     let (mut random, mut bent, mut tried) = (Random(5), 0, 0);
