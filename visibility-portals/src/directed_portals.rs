@@ -5,12 +5,12 @@
 //! A pair of cells must be called visible if a line through the portals between them stays clear of all
 //! portal edges by the clearance, and by as much more as vertices of a portal are off its plane: no point of
 //! an edge moves farther when vertices are moved into the plane, so the line stays clear of the edges there
-//! by the clearance. The thin cylinder around that line then passes as well. Each portal is shrunk by less than
-//! the clearance, so the line stays inside each shrunk portal with a margin. Shrinking also separates portals
-//! that share an edge, so that separating planes are never computed from coincident points. The rest of the
-//! margin pays for rounding. Clipping keeps points up to [`keep`](Margins::keep) outside a plane. Vertices
-//! nearer to each other than [`merge`](Margins::merge) become one, since the direction between them is
-//! dominated by rounding.
+//! by the clearance. The thin cylinder around that line then passes as well. Each portal is shrunk by less
+//! than the clearance, so the line stays inside each shrunk portal with a margin. Shrinking also separates
+//! portals that share an edge, so that separating planes are never computed from coincident points. The rest
+//! of the margin pays for rounding. Clipping keeps points up to [`keep`](Margins::keep) outside a plane.
+//! Vertices nearer to each other than [`merge`](Margins::merge) become one, since the direction between them
+//! is dominated by rounding.
 
 use crate::coplanar_portals;
 use crate::pluecker::{Edge, Opening, edges_of};
