@@ -176,6 +176,14 @@ mod tests {
         let polygon = [[2.0, 0.0], [2.0, 4.0], [-2.0, 4.0], [-1.5, 0.5], [1.5, 0.0]];
         let part = at(&[[2.0, 0.0], [2.0, 4.0], [0.0, 4.0], [0.0, 0.25]]);
         assert_eq!(right_of_zero(&polygon), (Clip::Part(6), part), "a short edge at the last vertex");
+        // The first crossing is near to the last vertex, which is cut off.
+        let polygon = [[1.75, 0.0], [2.0, 4.0], [-2.0, 4.0], [-0.25, 0.0]];
+        let part = at(&[[0.0, 0.0], [1.75, 0.0], [2.0, 4.0], [0.0, 4.0]]);
+        assert_eq!(
+            right_of_zero(&polygon),
+            (Clip::Part(5), part),
+            "a crossing near a vertex that is cut off"
+        );
         let polygon = [[2.0, 0.0], [2.0, 0.25], [-2.0, 0.25], [-2.0, 0.0]];
         assert_eq!(right_of_zero(&polygon), (Clip::Nothing, at(&[])), "a narrow strip");
         let polygon = [[-2.0, 0.0], [0.25, 0.0], [-2.0, 0.25]];

@@ -418,6 +418,13 @@ mod tests {
                 leaks(&piece, &covers, &exact, false, DVec3::X, &lengths),
                 "a back {off} m off the plane"
             );
+            let both = NodeCover { one_sided: false, ..cover.clone() };
+            let [two_sided, bare] =
+                [lengths.widen, 0.0].map(|by| alloc::vec![Cover::new(&both, &node, by, &lengths)]);
+            for is_front in [true, false] {
+                let found = leaks(&piece, &two_sided, &bare, is_front, DVec3::X, &lengths);
+                assert!(!found, "a two-sided cover {off} m off the plane");
+            }
             let (mut open, mut covered) = (Vec::new(), [0.0; 2]);
             let all: Vec<&Cover> = covers.iter().collect();
             subtract_covers(piece.clone(), &all, DVec3::X, &lengths, 0, &mut open, &mut covered);

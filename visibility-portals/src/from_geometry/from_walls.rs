@@ -599,6 +599,7 @@ mod tests {
         assert_eq!(cells_beside_a_quarter(0, of(0.26, 1e9)), 1, "a wall of less than the least share");
         assert_eq!(cells_beside_a_quarter(0, of(2.0, 4.0)), 2, "a wall of the least area");
         assert_eq!(cells_beside_a_quarter(0, of(2.0, 4.5)), 1, "a wall of less than the least area");
+        assert_eq!(cells_beside_a_quarter(0, of(0.0, 1e9)), 2, "ends of a wall, which cover nothing");
         assert_eq!(cells_beside_a_quarter(1, of(0.25, 1e9)), 3, "a thick wall, with a cell beside its end");
         // The default least area is 1/32 of the largest face, here 1/2 of the 16 m2 of the floor.
         let share = settings.with_min_share(2.0);
@@ -710,11 +711,18 @@ mod tests {
     /// Rectangles that are thinner or smaller than a polygon may be become polygons that hold them.
     #[test]
     fn rectangles_too_thin_or_too_small_for_a_polygon_are_widened() {
-        for (axis, size) in
-            [[1e-15, 1.0], [1.0, 1e-13], [1e-72, 1e-71], [1e-60, 1e-71], [1e-300, 1e70], [1e70, 1e-300]]
-                .into_iter()
-                .enumerate()
-                .map(|(i, size)| (i % 3, size))
+        for (axis, size) in [
+            [1e-15, 1.0],
+            [1.0, 1e-13],
+            [1e-72, 1e-71],
+            [1e-60, 1e-71],
+            [1e-300, 1e70],
+            [1e70, 1e-300],
+            [1e-300, 1e-300],
+        ]
+        .into_iter()
+        .enumerate()
+        .map(|(i, size)| (i % 3, size))
         {
             let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
             let mut rectangle = Box3 { min: DVec3::ZERO, max: DVec3::ZERO };

@@ -90,7 +90,7 @@ fn proves<const K: usize>(rows: &[Row<K>], bounds: &[f64; K], multipliers: &[Dou
         return false;
     }
     let (left, right) = proof_sides(rows, bounds, multipliers);
-    left > right && right < f64::INFINITY
+    left > right
 }
 
 /// Searches multipliers, one for each row, that prove that no `x` with `|x_k| <= bounds[k]` satisfies all
