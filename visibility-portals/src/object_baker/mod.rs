@@ -237,4 +237,19 @@ mod tests {
         assert_eq!(baker.fingerprint(), of(Fingerprint::new().with(METHODS)), "of these methods");
         assert_ne!(baker.fingerprint(), of(Fingerprint::new().with(METHODS + 1)), "of other methods");
     }
+
+    #[test]
+    fn bakes_of_cells_of_another_graph_are_refused() {
+        let map = "PRT1\n2\n1\n4 0 1 (0 0 0) (0 1 0) (0 1 1) (0 0 1)\n";
+        let graph = crate::prt::read(map).unwrap().graph;
+        let settings = BakerSettings::default();
+        let cells = Bake::new(CellBaker::new(&graph, settings).unwrap()).run();
+        let made = |cells: &Outcome, settings: BakerSettings| {
+            ObjectBaker::new(&graph, cells, |_| None, settings).map(|baker| baker.done.len())
+        };
+        assert_eq!(made(&cells, settings), Ok(2), "cells of this graph");
+        assert_eq!(made(&cells, settings.with_clearance(1e-3)), Err(BakeError::Cells), "another clearance");
+        let other = Outcome { matrix: crate::CellMatrix::new(1), ..cells };
+        assert_eq!(made(&other, settings), Err(BakeError::Cells), "a matrix of another number of cells");
+    }
 }
