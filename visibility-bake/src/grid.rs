@@ -377,6 +377,9 @@ mod tests {
         let stopped = grid.with_stop(|| true).along(&[DVec3::ZERO, DVec3::splat(1024.0)]);
         assert_eq!(stopped, Err(GridError::Stopped), "a walk that is stopped");
         assert_eq!(grid.with_stop(|| true), grid, "a stop is no part of a grid");
+        let limit = Grid::LIMIT as u128;
+        assert_eq!(Grid::check_count(limit), Ok(()), "as many viewcells as are kept");
+        assert!(Grid::check_count(limit + 1).is_err(), "a viewcell too many");
         for size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert_eq!(
                 Grid::new(DVec3::ZERO, DVec3::splat(size)),

@@ -206,4 +206,21 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn floors_are_less_steep_than_60_degrees() {
+        for up in 0..3 {
+            // A triangle that rises by `rise` on 1 m, along the axis `up`.
+            let triangle = |rise: f32, width: f32| {
+                [[0.0, 0.0, 0.0], [1.0, 0.0, rise], [0.0, width, 0.0]].map(|mut p: [f32; 3]| {
+                    p.rotate_left(2 - up);
+                    Vec3::from_array(p)
+                })
+            };
+            for (rise, expected) in [(0.0, true), (1.0, true), (-1.7, true), (1.74, false), (-1e6, false)] {
+                assert_eq!(is_floor(&triangle(rise, 1.0), up), expected, "axis {up}: a rise of {rise}");
+            }
+            assert!(!is_floor(&triangle(0.0, 0.0), up), "axis {up}: a triangle without area");
+        }
+    }
 }
