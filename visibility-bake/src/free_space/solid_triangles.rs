@@ -223,4 +223,19 @@ mod tests {
             assert!(!is_floor(&triangle(0.0, 0.0), up), "axis {up}: a triangle without area");
         }
     }
+
+    /// A camera stands on no wall: above one, no voxel is at its heights.
+    #[test]
+    fn walls_are_no_floors() {
+        let grid = Grid::new(DVec3::ZERO, DVec3::ONE).unwrap();
+        let corners = [[0.5, -9.0, 0.1], [0.5, 9.0, 0.1], [0.5, 0.0, -9.0]].map(Vec3::from_array);
+        let mut scene = Scene::new();
+        let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(corners)) });
+        scene.set_triangles(id, [corners]).unwrap();
+        let radius = 0.26 * 3f64.sqrt() / 0.99;
+        let camera = CameraRange { radius, heights: Some([0.25, 0.5]), up: DVec3::Z };
+        let solids = SolidTriangles::new(&grid, &scene, &camera, [DVec3::ZERO, DVec3::ONE]).unwrap();
+        let free = solids.free_voxels([0; 3]);
+        assert!(free.all().all(|voxel| !free.contains(voxel)), "voxels above a wall");
+    }
 }

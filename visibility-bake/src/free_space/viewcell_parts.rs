@@ -132,8 +132,8 @@ mod tests {
         [[a, b, c], [a, c, d]]
     }
 
-    /// Returns the viewcells of parts of a box of 4 m, in voxels of half a metre, among walls. A part is given
-    /// by its first and last voxel.
+    /// Returns the viewcells of parts of a box of 4 m, in voxels of half a metre, among walls. A part is
+    /// given by its first and last voxel.
     fn viewcells(walls: &[[[Vec3; 3]; 2]], parts: &[[[usize; 3]; 2]]) -> Vec<Viewcell> {
         let mut scene = Scene::new();
         for wall in walls {
