@@ -123,7 +123,7 @@ mod tests {
         assert!(groups.cells.is_sorted(), "in the order of their first viewcells");
     }
 
-    /// The box around a group holds its flat viewcells too, and a viewcell without a volume ends the division.
+    /// The box around a group holds its flat viewcells too. A viewcell without a volume ends the division.
     #[test]
     fn flat_and_endless_viewcells_are_in_their_groups() {
         let flat = Viewcell::from_box(DVec3::new(5.0, 0.0, 0.0), DVec3::new(5.0, 1.0, 1.0));
