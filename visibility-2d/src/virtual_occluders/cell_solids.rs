@@ -119,6 +119,12 @@ impl CellSolids {
         &self.posts[solid.first as usize..][..solid.count as usize]
     }
 
+    /// Changes the posts of all solids.
+    #[cfg(test)]
+    pub(crate) fn change_posts(&mut self, change: impl FnMut(&mut Post)) {
+        self.posts.iter_mut().for_each(change);
+    }
+
     /// Returns the posts of a solid that are in use after the last [`restrict`](Self::restrict),
     /// counter-clockwise.
     pub(crate) fn ring(&self, index: u32) -> &[Post] {
@@ -424,6 +430,18 @@ mod tests {
         assert_eq!(count(&[around], 0.0, 0.0), 0, "a wall that meets the viewcell");
         let low = Aabb::from_arrays([10.0, -1.0, 0.0], [12.0, 1.0, 1.9]);
         assert_eq!(count(&[low], 0.0, 0.0), 0, "a wall lower than the highest eye");
+    }
+
+    #[test]
+    fn solids_of_objects_that_are_no_candidates_are_left_out() {
+        let wall = |x: f32| Aabb::from_arrays([x, -1.0, 0.0], [x + 2.0, 1.0, 99.0]);
+        let all = solids_of(&[wall(10.0), wall(20.0)]);
+        let mut solids = CellSolids::new();
+        for candidate in 0..2 {
+            solids.fill(&all, &CELL, |object| object == candidate);
+            let middles: Vec<[f64; 2]> = solids.solids().iter().map(|solid| solid.middle).collect();
+            assert_eq!(middles, [[11.0 + 10.0 * f64::from(candidate), 0.0]], "object {candidate} alone");
+        }
     }
 
     /// A side of the viewcell alone, or a side of the ring alone, may separate the two.

@@ -150,6 +150,28 @@ mod tests {
         assert!(grown(&[beside], 20.0, 0.25).is_none(), "eyes pass beside the wall");
     }
 
+    /// A slot that shows from a viewcell that is nearly a point: the chain beyond it does not reach back.
+    #[test]
+    fn a_segment_ends_at_a_slot_that_is_narrower_than_a_step() {
+        let cell = CellBox { min: [-0.01, -0.01, 1.0], max: [0.01, 0.01, 2.0] };
+        let mut all = PlanSolids::new(UpAxis::Z);
+        let mut scene = Scene::new();
+        for bounds in
+            [house([-5.0, 5.0], [10.0, 11.0], [0.0, 30.0]), house([5.0625, 20.0], [9.0, 10.0], [0.0, 30.0])]
+        {
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        }
+        all.sync(&scene);
+        let mut solids = CellSolids::new();
+        solids.fill(&all, &cell, |_| true);
+        let line = BackLine::new([0.0; 2], [0.0, 1.0], 20.0);
+        let segment = grow(&mut Chain::new(), &mut solids, &cell, line, 0.25).unwrap();
+        // A line from the viewcell past (5, 10) is at 10 or less where y is 20.
+        assert!(segment.ends[1].x < 10.05 && segment.ends[1].x > 9.9, "{segment:?} ends before the slot");
+    }
+
     /// Houses of different lower ends that touch, or overlap as seen from the line: the highest lower end
     /// counts.
     #[test]

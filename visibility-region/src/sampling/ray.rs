@@ -385,4 +385,73 @@ mod tests {
             assert!(meeting.most - meeting.least < 1e-9, "{k}: {meeting:?}");
         }
     }
+
+    /// Triangles with corners of whole coordinates, some near and some far: bounds on the parameter hold for
+    /// the exact plane.
+    #[test]
+    fn parameters_are_within_their_bounds_exactly() {
+        let mut rng = Random(14);
+        let mut counts = [0; 2];
+        for round in 0..60_000 {
+            let scales = [(); 3].map(|()| [1e1, 1e3, 1e5][rng.below(3)]);
+            let mut corners = scales.map(|scale| (rng.vector(scale) + DVec3::splat(5.0)).round().as_vec3());
+            let inwards = [0.0, 1e-9, 1e-4, 0.3][rng.below(4)];
+            let mut target = corners[0].as_dvec3().lerp(corners[1].as_dvec3(), rng.unit());
+            target = target.lerp(corners[2].as_dvec3(), inwards);
+            if round % 2 == 0 {
+                // Two corners far to either side of the ray, about where it passes between them.
+                target = DVec3::new(3.0, 7.0, 5.0);
+                let [k, s] = [rng.between(1, 5), rng.between(1, 10_000)].map(f64::from);
+                let (across, beside) = (DVec3::new(7.0, -3.0, 0.0) * s, DVec3::new(0.0, 5.0, -7.0));
+                let near = target * k;
+                corners =
+                    [near + across, near - across - beside, near * 5.0 + beside * 9.0].map(|p| p.as_vec3());
+                corners.rotate_left(round / 2 % 3);
+            }
+            let p = corners.map(|p| p.as_dvec3());
+            let Some(ray) = Ray::through(DVec3::ZERO, target) else { continue };
+            let Some(meeting) = ray.meet(&corners, 0.0, false) else { continue };
+            let sides: [i32; 3] =
+                core::array::from_fn(|i| exact_side(&ray, corners[(i + 1) % 3], corners[(i + 2) % 3]));
+            if sides.iter().any(|&side| side != sides[0] || side == 0) {
+                continue;
+            }
+            // t (n . along) against n . p, with a normal n of whole numbers.
+            let n = (p[1] - p[0]).cross(p[2] - p[0]).to_array();
+            let along = ray.along.to_array();
+            let front = sign_of_sum([0, 1, 2].map(|i| (n[i], along[i])));
+            let side = |t: f64| {
+                let terms = (0..3).flat_map(|i| {
+                    let product = t * n[i];
+                    let rest = t.mul_add(n[i], -product);
+                    [(product, along[i]), (rest, along[i]), (-n[i], p[0][i])]
+                });
+                front * sign_of_sum(terms)
+            };
+            counts[usize::from(meeting.is_certain())] += 1;
+            assert!(side(meeting.least) <= 0, "{round}: {ray:?} meets {corners:?} before {meeting:?}");
+            if meeting.is_certain() {
+                assert!(side(meeting.most) >= 0, "{round}: {ray:?} meets {corners:?} after {meeting:?}");
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 200), "{counts:?}");
+    }
+
+    /// Triangles across a ray along (1, 0.37, 0.37), the direction in which moving all corners by the slack
+    /// along each axis moves the meeting most, by 1.366 slack.
+    #[test]
+    fn parameters_move_by_more_than_the_slack() {
+        let d = DVec3::new(1.0, 0.37, 0.37);
+        let ray = Ray::through(DVec3::ZERO, d).unwrap();
+        let (u, v) = (d.cross(DVec3::Z).normalize(), d.cross(d.cross(DVec3::Z)).normalize());
+        let across = |t: f64| [u * 3.0, v * 3.0 - u * 2.0, -v * 3.0 - u * 2.0].map(|p| (p + d * t).as_vec3());
+        let behind = across(-0.12);
+        assert!(ray.meet(&behind, 0.1, false).is_some(), "a triangle that may be before the ray");
+        assert!(ray.meet(&behind, 0.05, false).is_none(), "a triangle that is behind the ray");
+        let slack = 1e-5;
+        let meeting = ray.meet(&across(5.0), slack, false).unwrap();
+        assert!(meeting.is_certain(), "{meeting:?} in the middle of a triangle");
+        assert!(meeting.least <= 5.0 - 1.36 * slack, "{meeting:?}: the triangle may be nearer");
+        assert!(meeting.most >= 5.0 + 1.36 * slack, "{meeting:?}: the triangle may be farther");
+    }
 }
