@@ -277,3 +277,50 @@ fn is_within(bounds: &Aabb, light: DVec3, range: f64) -> bool {
     let beyond = gap.x * gap.x + gap.y * gap.y + gap.z * gap.z > 1.0;
     !beyond
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::geometry::{DoubleDouble, sqrt};
+    use visibility_core::glam::Vec3;
+    use visibility_testing::Random;
+
+    /// Boxes of one point that the range of a light just reaches, by squares in double-double arithmetic. The
+    /// light is the difference of two points of the world, which is rounded.
+    #[test]
+    fn what_the_range_just_reaches_is_within_it() {
+        let (mut random, mut rounded) = (Random(71), 0);
+        for round in 0..20_000 {
+            let far = 2f64.powi(random.between(0, 24));
+            let (position, origin) = (random.fine_vector(far), random.fine_vector(1.0));
+            let near = 2f64.powi(random.between(-20, 20));
+            let light = position - origin;
+            let at = (light + random.vector(near)).as_vec3();
+            let [x, y, z] = [0, 1, 2].map(|k| {
+                DoubleDouble::difference(position[k], origin[k])
+                    .plus(DoubleDouble::from(f64::from(at[k])).negated())
+            });
+            let exact = x.times(x).plus(y.times(y)).plus(z.times(z));
+            let excess = |range: f64| DoubleDouble::product(range, range).plus(exact.negated()).hi;
+            let mut range = sqrt(exact.hi).next_down();
+            while excess(range) < 0.0 {
+                range = range.next_up();
+            }
+            let bounds = Aabb::new(at, at);
+            assert!(is_within(&bounds, light, range), "{round}: {at} is {range} m from {position} - {origin}");
+            rounded += u32::from((at.as_dvec3() - light).length() > range);
+            let less = range * (1.0 - 1e-12) - light.abs().max_element() * 1e-14;
+            if less > 0.0 {
+                assert!(!is_within(&bounds, light, less), "{round}: {at} is farther than {less} m");
+            }
+        }
+        assert!(rounded > 1_000, "{rounded} distances are rounded up");
+        let unit = Aabb::new(Vec3::ZERO, Vec3::ONE);
+        for (light, is) in [(DVec3::splat(0.5), true), (DVec3::X * 3.0, true), (DVec3::X * -2.0, true)] {
+            assert_eq!(is_within(&unit, light, 2.0), is, "a cube, from {light}");
+        }
+        for light in [DVec3::X * 3.01, DVec3::Y * -2.01, DVec3::Z * 3.01] {
+            assert!(!is_within(&unit, light, 2.0), "a cube, from {light}");
+        }
+    }
+}
