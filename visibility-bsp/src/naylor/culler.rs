@@ -386,9 +386,8 @@ mod tests {
     fn what_the_near_plane_cuts_hides_by_what_is_beyond_it() {
         let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
         let view = View::perspective(pose, 1.2, 1.0, 0.125, f64::INFINITY).unwrap();
-        let floor = |x: [f32; 2], z: f32| {
-            [[[x[0], -9.0, z], [x[1], 0.0, z], [x[0], 9.0, z]].map(Vec3::from_array)]
-        };
+        let floor =
+            |x: [f32; 2], z: f32| [[[x[0], -9.0, z], [x[1], 0.0, z], [x[0], 9.0, z]].map(Vec3::from_array)];
         for (object, is_hidden) in [(OBJECT, false), (OCCLUDER, true)] {
             let mut scene = Scene::new();
             let pane = insert(&mut scene, [across(0.125, 3.0)], object);

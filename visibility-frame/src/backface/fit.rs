@@ -531,17 +531,25 @@ mod tests {
         const UNIT: f64 = 1.0 / 1_048_576.0;
         let (mut random, mut counts, mut off) = (Random(54), [0; 3], 0);
         for round in 0..200_000 {
-            let mut corner = |bits: usize, scale: i32| {
-                [0; 3].map(|_| random.magnitude(bits) as f64 * 2f64.powi(scale))
-            };
+            let mut corner =
+                |bits: usize, scale: i32| [0; 3].map(|_| random.magnitude(bits) as f64 * 2f64.powi(scale));
             let (few, far) = (1 + round % 24, [8, 24][round / 4 % 2]);
             let a = if round % 16 == 0 { [0.0; 3] } else { corner(few, 4 - few as i32) };
             let p = corner(10, far);
             // A multiple of the first side, and a little beside it or nothing.
-            let beside = if round % 4 == 0 { [0.0; 3] } else { corner(1 + round % 8, -20 + (round % 28) as i32) };
-            let b = [0, 1, 2].map(|k| p[k]);
-            let c = [0, 1, 2].map(|k| 3.0 * p[k] + beside[k]);
-            let triangle = [a, b, c].map(|corner| Vec3::from_array(corner.map(|x| x as f32)));
+            let beside =
+                if round % 4 == 0 { [0.0; 3] } else { corner(1 + round % 8, -20 + (round % 28) as i32) };
+            let (b, c) = (p, [0, 1, 2].map(|k| 3.0 * p[k] + beside[k]));
+            let mut corners = [a, b, c];
+            if round % 8 == 5 {
+                // A first corner so near the middle of the others that products are equal by rounding alone,
+                // and in every other case the differences are.
+                let whole = 128 + (round / 16 % 120) as i32;
+                let size = [24, 27][round / 8 % 2];
+                let p = [0, 1, 2].map(|k: i32| f64::from(whole + k * k) * 2f64.powi(size));
+                corners = [[UNIT; 3], p, p.map(|x| -x)];
+            }
+            let triangle = corners.map(|corner| Vec3::from_array(corner.map(|x| x as f32)));
             let whole = triangle.map(|corner| corner.to_array().map(|x| (f64::from(x) / UNIT) as i128));
             assert_eq!(
                 whole.map(|corner| corner.map(|x| (x as f64 * UNIT) as f32)),

@@ -292,21 +292,30 @@ mod tests {
                         terms.into_iter().fold(start, DoubleDouble::plus).hi
                     }));
                     let distance = off.length();
-                    assert!(distance <= doubt.blur, "{round}: an apex is off by {distance} of {}", doubt.blur);
+                    assert!(
+                        distance <= doubt.blur,
+                        "{round}: an apex is off by {distance} of {}",
+                        doubt.blur
+                    );
                     moved += u32::from(distance > 0.0);
                 }
             }
         }
-        assert!(tight > 1_000 && moved > 1_000, "{tight} normals off by half of the error, {moved} apexes off");
+        assert!(
+            tight > 1_000 && moved > 1_000,
+            "{tight} normals off by half of the error, {moved} apexes off"
+        );
     }
 
     /// The sign of a determinant that is made of rounding does not tell which side is the front.
     #[test]
     fn flat_transforms_open_the_cone() {
-        let cone = NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::new(1.0, 0.1, 0.2), Vec3::new(0.3, 1.0, 0.0)]]);
+        let cone =
+            NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::new(1.0, 0.1, 0.2), Vec3::new(0.3, 1.0, 0.0)]]);
         let (mut random, mut doubtful) = (Random(62), 0);
         for round in 0..10_000 {
-            let mut whole = || DVec3::from_array([(); 3].map(|()| f64::from(random.between(-1 << 22, 1 << 22))));
+            let mut whole =
+                || DVec3::from_array([(); 3].map(|()| f64::from(random.between(-1 << 22, 1 << 22))));
             let (a, b) = (whole(), whole());
             let matrix = DMat3::from_cols(a, b, a + b);
             doubtful += u32::from(matrix.determinant() != 0.0);

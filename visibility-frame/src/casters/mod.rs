@@ -307,7 +307,10 @@ mod tests {
                 range = range.next_up();
             }
             let bounds = Aabb::new(at, at);
-            assert!(is_within(&bounds, light, range), "{round}: {at} is {range} m from {position} - {origin}");
+            assert!(
+                is_within(&bounds, light, range),
+                "{round}: {at} is {range} m from {position} - {origin}"
+            );
             rounded += u32::from((at.as_dvec3() - light).length() > range);
             let less = range * (1.0 - 1e-12) - light.abs().max_element() * 1e-14;
             if less > 0.0 {

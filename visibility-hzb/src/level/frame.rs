@@ -297,7 +297,8 @@ mod tests {
             let level = PreparedLevel::new(level.clone(), origin);
             let pose = Pose::look_at(origin - DVec3::X, origin + DVec3::new(1.0, 0.2, 0.3), DVec3::Z);
             let window = Window::centered(9.0, 9.0);
-            let views = [View::perspective(pose, 1.0, 1.0, 0.1, 9.0), View::orthographic(pose, window, 0.1, 9.0)];
+            let views =
+                [View::perspective(pose, 1.0, 1.0, 0.1, 9.0), View::orthographic(pose, window, 0.1, 9.0)];
             for (error, view) in errors[i].iter_mut().zip(views) {
                 let view = view.unwrap();
                 let new = LevelFrame::new(&view, &level, [64; 2], [64; 2], Coverage::Conservative, 16.0);
