@@ -248,6 +248,18 @@ mod tests {
         DMat3::from_cols(a, b, c) * 2f64.powi(random.between(-20, 20))
     }
 
+    /// A flipped cone has the margin of the cone, and the numbers that decide end in it. An eye in the plane of
+    /// a triangle is in neither cone.
+    #[test]
+    fn flipped_cones_keep_the_margin() {
+        let cone = NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+        let flipped = cone.flipped();
+        assert!(cone.margin > 0.0 && !cone.is_open(), "{cone:?}");
+        assert_eq!([flipped.margin, flipped.numbers()[NUMBERS - 1]], [cone.margin; 2], "{flipped:?}");
+        let seen = [0.0, 3.0, -3.0].map(|z| cone.facing(&Eye::Point(DVec3::new(0.2, 0.2, z))));
+        assert_eq!(seen, [Facing::Undecided, Facing::Front, Facing::Back], "beside, before and behind");
+    }
+
     /// Facets of a transformed cone, in double-double arithmetic: normals that are off by the slack before
     /// are within the error told after, and so are the apexes.
     #[test]
