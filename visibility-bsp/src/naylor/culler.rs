@@ -380,8 +380,8 @@ mod tests {
         assert_eq!(seen(&scene, &view(), [glass, behind]), [true, false], "behind a wall behind glass");
     }
 
-    /// Of an occluder that the near plane cuts, what is certainly beyond that plane hides; of one in the plane,
-    /// nothing is.
+    /// Of an occluder that the near plane cuts, what is certainly beyond that plane hides; of one in the
+    /// plane, nothing is.
     #[test]
     fn what_the_near_plane_cuts_hides_by_what_is_beyond_it() {
         let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);

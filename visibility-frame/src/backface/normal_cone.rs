@@ -248,8 +248,8 @@ mod tests {
         DMat3::from_cols(a, b, c) * 2f64.powi(random.between(-20, 20))
     }
 
-    /// A flipped cone has the margin of the cone, and the numbers that decide end in it. An eye in the plane of
-    /// a triangle is in neither cone.
+    /// A flipped cone has the margin of the cone, and the numbers that decide end in it. An eye in the plane
+    /// of a triangle is in neither cone.
     #[test]
     fn flipped_cones_keep_the_margin() {
         let cone = NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
