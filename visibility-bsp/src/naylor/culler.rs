@@ -433,6 +433,26 @@ mod tests {
         }
     }
 
+    /// Lines of a polygon that the near plane cuts have the error of the corners that are left.
+    #[test]
+    fn lines_of_what_the_near_plane_cuts_have_its_errors() {
+        let mut scene = Scene::new();
+        let strip = [[-1.0, -0.2], [4.0, 0.0], [-1.0, 0.2]].map(|[x, y]| Vec3::new(x, y, -0.5));
+        insert(&mut scene, [strip], OCCLUDER);
+        let mut culler = NaylorCuller::new(SceneTree::new(&scene).unwrap());
+        let mut visible = VisibleSet::new();
+        visible.fill(&scene, &view());
+        culler.cull(&scene, &view(), &mut visible);
+        let (_, found) = culler.scratch.beams.margins();
+        let image = &culler.scratch.image;
+        assert!(!image.is_whole && found.len() >= 3, "{found:?} of {image:?}");
+        for (i, margin) in found.iter().enumerate() {
+            let (p, q) = (image.polygon[i], image.polygon[(i + 1) % image.polygon.len()]);
+            let wanted = 4.0 * image.error * (1.0 + 5.8 / (q.x - p.x).hypot(q.y - p.y));
+            assert!((margin / wanted - 1.0).abs() < 1e-9, "margin of edge {i}: {margin} of {wanted}");
+        }
+    }
+
     #[test]
     fn what_is_on_no_layer_of_the_view_hides_nothing() {
         let mut scene = Scene::new();

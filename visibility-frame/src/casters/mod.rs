@@ -285,6 +285,26 @@ mod tests {
     use visibility_core::glam::Vec3;
     use visibility_testing::Random;
 
+    #[test]
+    fn cones_that_are_almost_half_spaces_count_as_none() {
+        let half_pi = core::f64::consts::FRAC_PI_2;
+        let tangent = |half_angle: f64| {
+            let (position, direction) = (DVec3::ZERO, DVec3::X);
+            cone_tangent(&Light::Spot { position, direction, half_angle, range: 1.0 })
+        };
+        let found =
+            [1e-3, half_pi - 1e-8, half_pi - 1e-10, half_pi, 2.0, 3.0].map(|at| tangent(at).is_some());
+        assert_eq!(found, [true, true, false, false, false, false], "by half angle");
+    }
+
+    #[test]
+    fn the_reach_is_that_of_the_farther_side() {
+        let mut scene = Scene::new();
+        assert_eq!(reach(&scene), DVec3::ZERO, "of no objects");
+        scene.insert(Aabb::from_arrays([-3.0, 1.0, -1.0], [1.0, 5.0, 1.0]));
+        assert_eq!(reach(&scene), DVec3::new(3.0, 5.0, 1.0), "of a box");
+    }
+
     /// Boxes of one point that the range of a light just reaches, by squares in double-double arithmetic. The
     /// light is the difference of two points of the world, which is rounded.
     #[test]
