@@ -577,12 +577,15 @@ mod tests {
             let speed = speed.abs() * scale as f32;
             let bounds = |at: f64| Aabb::new(DVec3::splat(at).as_vec3(), DVec3::splat(at).as_vec3());
             let volume = Motion::new(speed).volume(&bounds(start), time).unwrap();
-            // A caller that rounds inwards: each side is off by up to a step, and the box may be inverted.
+            // A caller that rounds inwards: each side is off by up to a step.
             let rounded = DVec3::splat(start).as_vec3();
             let low = if f64::from(rounded.x) < start { rounded.x.next_up() } else { rounded.x };
             let high = if f64::from(rounded.x) > start { rounded.x.next_down() } else { rounded.x };
-            let inverted = Aabb::new(Vec3::splat(low), Vec3::splat(high));
-            let least = Motion::new(speed).volume(&inverted, time).unwrap();
+            let of = |at: f32| {
+                let bounds = Aabb::new(Vec3::splat(at), Vec3::splat(at));
+                Motion::new(speed).volume(&bounds, time).unwrap()
+            };
+            let least = Aabb::new(of(low).min, of(high).max);
             for end in [start - f64::from(speed) * time, start + f64::from(speed) * time] {
                 let end = Aabb::from_world(DVec3::splat(end), DVec3::splat(end), DVec3::ZERO);
                 let holds = least.min.cmple(end.min).all() && end.max.cmple(least.max).all();
