@@ -419,3 +419,95 @@ pub(crate) fn apart(points: &[DVec3], polygon: &Polygon, plane: &Half, pad: f64)
             || (0..n).any(|k| separates(along.cross(side(k)).normalize_or_zero()))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::search::{Budget, NONE};
+    use crate::sight::{CellBox, Target};
+    use crate::triangles::SceneTriangles;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Object, Scene};
+
+    /// A triangle that has a corner of the target is beside the target if its other corners are all on one
+    /// side of the target's plane, farther than the error.
+    #[test]
+    fn triangles_at_a_corner_of_the_target_are_beside_it_if_they_are_on_one_side() {
+        let plane = Half { normal: DVec3::Z, offset: 0.0 };
+        for (tags, heights, is_beside) in [
+            ([0, 3, 3], [0.0, 0.2, 0.3], true),
+            ([3, 1, 3], [-0.2, 0.0, -0.3], true),
+            ([0, 2, 3], [0.0, 0.0, -0.3], true),
+            ([0, 3, 3], [0.0, 0.2, -0.3], false),
+            ([0, 3, 3], [0.0, 0.125, 0.3], false),
+            ([0, 3, 3], [0.0, -0.125, -0.3], false),
+            ([0, 1, 3], [0.0, 0.0, 0.0], false),
+            ([3, 3, 3], [0.2, 0.2, 0.3], false),
+            ([3, 3, 3], [-0.2, -0.2, -0.3], false),
+            ([0, 1, 2], [0.0, 0.0, 0.0], false),
+        ] {
+            let corners = [0, 1, 2].map(|k| DVec3::new(k as f64, (k * k) as f64, heights[k]));
+            let found = touches_from_one_side(&corners, tags, &plane, 0.125);
+            assert_eq!(found, is_beside, "corners {tags:?} at heights {heights:?}");
+        }
+    }
+
+    /// Edges at a corner moved by a mitre move outwards by the clearance, unless the corner is sharp.
+    #[test]
+    fn mitres_move_edges_outwards() {
+        for turn in [0.0, 0.5, 1.0, 2.0, 2.2] {
+            let [a, b] = [DVec3::X, DVec3::new(f64::cos(turn), f64::sin(turn), 0.0)];
+            let shift = mitre(a + b, 2, 0.25);
+            let by = [a, b].map(|out| out.dot(shift));
+            assert!(by.iter().all(|by| (by - 0.25).abs() < 1e-12), "edges at {turn} move by {by:?}");
+        }
+        let sharp = mitre(DVec3::X + DVec3::new(-0.999, f64::sqrt(1.0 - 0.999 * 0.999), 0.0), 2, 0.25);
+        assert!((sharp.length() - 0.625).abs() < 1e-12, "a sharp corner moves by 2.5 clearances: {sharp}");
+        assert_eq!(mitre(DVec3::X * 1e-4, 2, 0.25), DVec3::ZERO, "a corner of opposite directions");
+        assert!(mitre(DVec3::X * 1e-3, 2, 0.25) != DVec3::ZERO, "a corner of almost opposite directions");
+    }
+
+    /// An edge from a corner of the target to a point behind its plane is met by no line to the target, in
+    /// either direction; if it leads to the front, or if lines start in the plane, lines may meet it.
+    #[test]
+    fn edges_behind_the_target_are_missed_from_the_front() {
+        let t = [[0.0, 0.0], [0.0, 4.0], [4.0, 0.0]].map(|[y, z]| Vec3::new(30.0, y, z));
+        let mut scene = Scene::new();
+        let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(t)) });
+        scene.set_triangles(id, [t]).unwrap();
+        let triangles = SceneTriangles::new(&scene);
+        let cell = CellBox { min: DVec3::ZERO, max: DVec3::ONE };
+        let mut search = Search::new(&triangles, cell, 0.0, None);
+        let budget = Budget { nodes: 0, divided: 0, halvings: 0 };
+        assert!(search.begin(Target::Triangle(0), budget), "the search begins");
+        assert_eq!((search.skip, search.tags(0)), (0, [0, 1, 2]), "without clearance, the target is told");
+        let square = |x: f64| {
+            Polygon::new(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[y, z]| DVec3::new(x, y, z)))
+        };
+        let sight = |x: f64| Sight {
+            p: square(x),
+            q: Polygon::target(&triangles.corners(0)),
+            before_p: Half { normal: DVec3::X, offset: -1.0 },
+            before_q: Half { normal: DVec3::NEG_X, offset: 30.0 },
+            near: None,
+        };
+        let misses = |sight: &Sight, ends: [DVec3; 2], tags: [u8; 2]| {
+            let shaft = Shaft::new(&sight.p, &sight.q, search.pad());
+            search.edge_misses(&Edge { ends, tags }, sight, &shaft)
+        };
+        let corner = triangles.corners(0)[0];
+        let [behind, before] = [32.0, 16.0].map(|x| DVec3::new(x, 2.0, 1.5));
+        for (x, end, is_missed) in [(1.0, behind, true), (1.0, before, false), (30.0, behind, false)] {
+            let found = [
+                misses(&sight(x), [corner, end], [0, NO_CORNER]),
+                misses(&sight(x), [end, corner], [NO_CORNER, 0]),
+            ];
+            assert_eq!(found, [is_missed; 2], "an edge to {end} from lines that start at {x}");
+        }
+        assert!(search.begin(Target::Box { min: DVec3::ZERO, max: DVec3::ONE }, budget), "a box");
+        assert_eq!((search.skip, search.tags(0)), (NONE, [NO_CORNER; 3]), "a box has no corners to tell");
+        let mut search = Search::new(&triangles, cell, 1e-3, None);
+        assert!(search.begin(Target::Triangle(0), budget), "the search begins with a clearance");
+        assert_eq!((search.skip, search.tags(0)), (NONE, [NO_CORNER; 3]), "with clearance, none is told");
+    }
+}
