@@ -275,9 +275,9 @@ impl Search<'_> {
         }
         for (&vertex, &(position, sum, count)) in vertices.iter().zip(&sums) {
             let shift = mitre(sum, count, self.clearance);
-            // Without a clearance no corner may move, and a corner of the target triangle never may. The
-            // first open edge is then returned as the obstacle.
-            if self.clearance == 0.0 || self.tag(vertex) < 3 {
+            // Without a clearance no corner may move. The first open edge is then returned as the obstacle. With
+            // one, no corner has a tag: the target triangle is none of the triangles that lines end at.
+            if self.clearance == 0.0 {
                 let (t, k) = scratch.open[0];
                 let corners = all.corners(t);
                 return Err([corners[k], corners[(k + 1) % 3]]);
@@ -294,15 +294,18 @@ impl Search<'_> {
                 let [a, b] = ends.map(|end| moved_to(&scratch.moved, numbers[end], corners[end]));
                 let [old_a, old_b] = ends.map(|end| corners[end]);
                 if a == old_a && b == old_b {
+                    // The mitres at both ends of an open edge may be nothing: the edge is the long side of a
+                    // sliver.
+                    if scratch.state(all.edges(t)[k]) & MISSED == 0 {
+                        return Err([a, b]);
+                    }
                     continue;
                 }
-                let mut edge = Edge::new(a, b);
-                edge.tags = ends.map(|end| self.tag(numbers[end]));
                 let strip = [old_a, old_b, b, a];
                 let is_apart = shaft.misses(&strip)
                     || (apart(&strip, &sight.p, &sight.before_p, pad)
                         && apart(&strip, &sight.q, &sight.before_q, pad));
-                if !is_apart || !self.edge_misses(&edge, sight, shaft) {
+                if !is_apart || !self.edge_misses(&Edge::new(a, b), sight, shaft) {
                     return Err([a, b]);
                 }
             }
@@ -509,5 +512,41 @@ mod tests {
         let mut search = Search::new(&triangles, cell, 1e-3, None);
         assert!(search.begin(Target::Triangle(0), budget), "the search begins with a clearance");
         assert_eq!((search.skip, search.tags(0)), (NONE, [NO_CORNER; 3]), "with clearance, none is told");
+    }
+
+    /// A sliver whose long side z = 0.5 does not move with the clearance, since its angles at both ends are
+    /// small, and lines on either side of that side, below the corner that moves. They are not blocked.
+    #[test]
+    fn long_sides_of_slivers_are_met_though_they_do_not_move() {
+        let scene_of = |lower: f32| {
+            let t = [[-5.0, lower], [5.0, lower], [0.0, 0.504]].map(|[y, z]| Vec3::new(5.0, y, z));
+            let mut scene = Scene::new();
+            let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(t)) });
+            scene.set_triangles(id, [t]).unwrap();
+            SceneTriangles::new(&scene)
+        };
+        let cell = CellBox { min: DVec3::ZERO, max: DVec3::ONE };
+        let rectangle = |x: f64| {
+            let corners = [[0.0, 0.496], [0.1, 0.496], [0.1, 0.508], [0.0, 0.508]];
+            Polygon::new(&corners.map(|[y, z]| DVec3::new(x, y, z)))
+        };
+        let sight = Sight {
+            p: rectangle(1.0),
+            q: rectangle(9.0),
+            before_p: Half { normal: DVec3::X, offset: -1.0 },
+            before_q: Half { normal: DVec3::NEG_X, offset: 9.0 },
+            near: Some(0.0),
+        };
+        // The second triangle is no sliver: both of its long sides move.
+        for (lower, is_blocked) in [(0.5, false), (0.48, true)] {
+            let triangles = scene_of(lower);
+            let mut search = Search::new(&triangles, cell, 0.01, None);
+            let target = Target::Box { min: DVec3::X * 9.0, max: DVec3::ONE + DVec3::X * 9.0 };
+            let budget = Budget { nodes: 0, divided: 0, halvings: 0 };
+            assert!(search.begin(target, budget), "the search begins");
+            let (shaft, line) = (Shaft::new(&sight.p, &sight.q, search.pad()), search.middle(&sight));
+            let found = search.close(&sight, &shaft, 0, line);
+            assert_eq!(found.is_ok(), is_blocked, "a long side at {lower}: {found:?}");
+        }
     }
 }

@@ -553,6 +553,16 @@ mod tests {
             assert_eq!(answer, if stop { Answer::Undecided } else { Answer::Hidden }, "stopped: {stop}");
             assert_eq!(used == 0, stop, "{used} nodes, stopped: {stop}");
         }
+        // What has said stop once need not say so again.
+        let calls = core::cell::Cell::new(0);
+        let is_stopped = || {
+            calls.set(calls.get() + 1);
+            calls.get() == 2
+        };
+        let mut search = Search::new(&triangles, CELL, 1e-4, None);
+        search.stop = &is_stopped;
+        let stops = [(); 4].map(|()| search.must_stop());
+        assert_eq!(stops, [false, true, true, true], "after one stop");
     }
 
     /// A line along the edge between two walls, or through a wall, is no line of sight.

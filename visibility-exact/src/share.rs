@@ -186,8 +186,15 @@ mod tests {
         };
         assert_eq!(share(CELL, TARGET, 1e-16), 1.0, "a clearance within the error of positions");
         assert_eq!(share(CELL, TARGET, 1e-6), 0.0, "a target that is hidden");
-        let grazed = Target::Box { min: DVec3::new(10.0, 0.0, -1.0), max: DVec3::new(11.0, 1.0, 0.999_999) };
-        assert_eq!(share(CELL, grazed, 1e-5), 1.0, "a target just below the viewcell's top");
+        for below in [0.125, 0.75] {
+            let max = DVec3::new(11.0, 1.0, 1.0 - below * 1e-5);
+            let grazed = Target::Box { min: DVec3::new(10.0, 0.0, -1.0), max };
+            assert_eq!(
+                share(CELL, grazed, 1e-5),
+                1.0,
+                "a target {below} clearances below the viewcell's top"
+            );
+        }
         let point = CellBox { min: DVec3::ZERO, max: DVec3::ZERO };
         assert_eq!(share(point, TARGET, 1e-6), 1.0, "a viewcell without area");
     }

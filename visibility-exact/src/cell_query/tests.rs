@@ -259,6 +259,95 @@ fn parts_of_a_mesh_are_hidden_by_their_boxes() {
     }
 }
 
+/// A part of a mesh that is in the viewcell is not hidden by the box around it.
+#[test]
+fn parts_of_a_mesh_in_the_viewcell_are_not_hidden() {
+    let row = |x: f32, z: f32, step: f32| {
+        (0..16).flat_map(move |k| wall(x, [0.2, 0.4], [z + k as f32 * step, z + k as f32 * step + 0.02]))
+    };
+    let mesh: Vec<Triangle> = row(0.5, 0.1, 0.05).chain(row(9.0, 0.1, 0.05)).collect();
+    let triangles = two_sided(&[&mesh, &wall(8.0, [-9.0, 9.0], [-9.0, 9.0])]);
+    for c in [0.0, 1e-3] {
+        let mut query = query(&triangles, &unit_cell(), Effort::Exact(c));
+        query.prove_triangles(&|id| id.index() == 0);
+        assert_eq!(query.verdicts[0], Verdict::Open, "clearance {c}");
+        assert!(query.proof_count > 0, "the part behind the wall is hidden, with clearance {c}");
+    }
+}
+
+/// Objects are searched again that are open, can be decided, and are not in the viewcell: the one behind a
+/// wall is hidden, the one before it seen.
+#[test]
+fn what_is_open_is_searched_again() {
+    let mut scene = Scene::new();
+    let behind = wall(9.0, [0.0, 1.0], [0.0, 1.0]).to_vec();
+    let before = wall(7.0, [0.0, 1.0], [0.0, 1.0]).to_vec();
+    let inside = wall(0.5, [0.0, 1.0], [0.0, 1.0]).to_vec();
+    let screen = wall(8.0, [-90.0, 90.0], [-90.0, 90.0]).to_vec();
+    for (triangles, never_cull) in [
+        (&behind, false),
+        (&before, false),
+        (&behind, true),
+        (&before, true),
+        (&inside, false),
+        (&screen, false),
+    ] {
+        let bounds = Aabb::from_points(triangles.iter().flatten().copied());
+        // What is inside must not hide what is before it.
+        let occluder = triangles != &inside;
+        let id = scene.insert(Object { occluder, never_cull, ..Object::new(bounds) });
+        scene.set_triangles(id, triangles.clone()).unwrap();
+    }
+    let triangles = SceneTriangles::new(&scene);
+    let names = |query: &CellQuery<'_>| -> std::string::String {
+        let name = |verdict: &Verdict| match verdict {
+            Verdict::Seen(_) => 's',
+            Verdict::Hidden => 'h',
+            Verdict::Hardly(_) => '?',
+            Verdict::Open => 'o',
+        };
+        query.verdicts[..5].iter().map(name).collect()
+    };
+    let all = [0, 1, 2, 3, 4];
+    for stop in [false, true] {
+        let is_stopped = || stop;
+        let begin = || query(&triangles, &unit_cell(), Effort::Exact(1e-4)).with_stop(&is_stopped);
+        let mut quick = begin();
+        quick.try_boxes(&all);
+        assert_eq!(names(&quick), if stop { "ooooo" } else { "hsooo" }, "boxes, stopped: {stop}");
+        let (kept, steps) = (quick.proofs.len(), quick.steps());
+        quick.try_boxes(&all);
+        assert_eq!((quick.proofs.len(), quick.steps()), (kept, steps), "a second time, stopped: {stop}");
+        let mut thorough = begin();
+        thorough.search_again(&all, 20);
+        assert_eq!(names(&thorough), if stop { "oooos" } else { "hsoos" }, "again, stopped: {stop}");
+        let (kept, steps) = (thorough.proofs.len(), thorough.steps());
+        thorough.search_again(&all, 20);
+        assert_eq!((thorough.proofs.len(), thorough.steps()), (kept, steps), "a third time, stopped: {stop}");
+        thorough.verdicts[4] = Verdict::Hidden;
+        thorough.search_again(&all, 20);
+        assert_eq!(thorough.verdicts[4], Verdict::Hidden, "only what is open is searched again");
+        // The steps of a query ask about all objects that can be decided.
+        let mut asked = begin();
+        asked.look(&|id| id.index() == 4);
+        assert_eq!(names(&asked), "oooos", "of all, one is asked about, stopped: {stop}");
+        asked.prove_boxes(&|_| true);
+        asked.prove_triangles(&|_| true);
+        assert_eq!(names(&asked), if stop { "oooos" } else { "hsoos" }, "all are asked, stopped: {stop}");
+        let (kept, steps) = (asked.proofs.len(), asked.steps());
+        asked.prove_boxes(&|id| id.index() < 5);
+        asked.prove_triangles(&|id| id.index() < 5);
+        assert_eq!((asked.proofs.len(), asked.steps()), (kept, steps), "a second time, stopped: {stop}");
+    }
+    let mut query = query(&triangles, &unit_cell(), Effort::Exact(1e-4));
+    query.look_through([DVec3::new(7.0, 0.0, 0.0), DVec3::new(9.0, 1.0, 1.0)], 10);
+    assert_eq!(
+        (names(&query).as_str(), query.steps()),
+        ("osooo", 10),
+        "rays through the box of three objects"
+    );
+}
+
 /// The share of an object that is hardly visible is bounded, and no share of one that is in view, of one that
 /// meets the viewcell, and of one without triangles.
 #[test]
@@ -277,13 +366,13 @@ fn what_is_hardly_visible_is_told() {
     }
     scene.insert(Object::new(Aabb::new(Vec3::splat(15.0), Vec3::splat(16.0))));
     let triangles = SceneTriangles::new(&scene);
-    for (share, is_hardly) in [(0.3, true), (0.001, false)] {
+    for (share, is_hardly) in [(1.0, [true; 2]), (0.3, [true, false]), (0.001, [false; 2])] {
         let settings = ExactSettings::new(Effort::Share(share)).with_rays(100).with_aimed_rays(50);
         let query = CellQuery::new(&triangles, &unit_cell(), settings).unwrap();
         let (found, _) = query.run(&|_| true);
         let is_told = |k: usize| matches!(found.verdicts[k], Verdict::Hardly(bound) if bound <= share);
         let told = [0, 1, 2, 4].map(is_told);
-        assert_eq!(told, [is_hardly, false, false, false], "{share}: {:?}", found.verdicts);
+        assert_eq!(told, [is_hardly[0], is_hardly[1], false, false], "{share}: {:?}", found.verdicts);
     }
 }
 
@@ -336,7 +425,7 @@ fn passes(p: DVec3, q: DVec3, t: &Triangle, one_sided: bool) -> bool {
 /// by its check.
 #[test]
 fn verdicts_on_worlds_of_integers_are_right() {
-    let (mut random, mut counts, mut shots) = (Random(21), [0; 3], 0);
+    let (mut random, mut counts, mut shots, mut mended, mut made) = (Random(21), [0; 3], 0, [0; 2], 0);
     for round in 0..10 {
         let c = [0.0, 1e-3][round % 2];
         let count = 3 + round % 6;
@@ -345,7 +434,8 @@ fn verdicts_on_worlds_of_integers_are_right() {
         objects.extend((0..3).map(|k| (piece(&mut random, k, [11, 14]), random.one_in(3))));
         let cell = Viewcell::from_box(DVec3::new(-2.0, -1.0, -1.0), DVec3::new(0.0, 1.0, 1.0));
         let triangles = prepared(&objects);
-        let settings = ExactSettings::new(Effort::Exact(c)).with_rays(40).with_aimed_rays(3);
+        let settings =
+            ExactSettings::new(Effort::Exact(c)).with_rays(40).with_aimed_rays(3).with_kept_proofs();
         let query = CellQuery::new(&triangles, &cell, settings).unwrap();
         let (found, _) = query.run(&|_| true);
         assert_eq!(found.refused, 0, "{round}: proofs that their check refused");
@@ -402,9 +492,24 @@ fn verdicts_on_worlds_of_integers_are_right() {
                         );
                     }
                 }
-                _ => {}
+                Verdict::Hardly(bound) => panic!("{round}: {bound} of object {k} was not asked for"),
+                Verdict::Open => {}
             }
         }
+        // Of each proof, some step no longer holds.
+        let mut query = CellQuery::new(&triangles, &cell, settings).unwrap();
+        for proof in found.proofs.iter().flat_map(|hidden| &hidden.proofs) {
+            let mut fallen: Vec<bool> = proof.steps.iter().map(|_| false).collect();
+            assert_eq!(query.mend(proof, &fallen, 1).as_ref(), Some(proof), "{round}: a proof that holds");
+            let Some(last) = fallen.len().checked_sub(1) else { continue };
+            fallen[[0, last, random.below(last + 1)][round % 3]] = true;
+            let found = query.mend(proof, &fallen, 1);
+            assert!(found.is_none_or(|proof| proof.check(&triangles).is_ok()), "{round}: a mended proof");
+            mended[usize::from(query.search.stats.nodes > 0)] += 1;
+        }
+        assert_eq!(query.refused, 0, "{round}: mended proofs that their check refused");
+        made += query.proof_count;
     }
+    told_enough(made > 10 && mended[1] > 10, format_args!("{made} proofs mended of {mended:?}"));
     told_enough(counts[1] > 15 && counts[2] < 8 && shots > 800, format_args!("{counts:?}, {shots} shots"));
 }
