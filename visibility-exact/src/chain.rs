@@ -526,27 +526,35 @@ mod tests {
             SceneTriangles::new(&scene)
         };
         let cell = CellBox { min: DVec3::ZERO, max: DVec3::ONE };
-        let rectangle = |x: f64| {
-            let corners = [[0.0, 0.496], [0.1, 0.496], [0.1, 0.508], [0.0, 0.508]];
-            Polygon::new(&corners.map(|[y, z]| DVec3::new(x, y, z)))
+        let sight = |y: [f64; 2], z: [f64; 2]| {
+            let rectangle = |x: f64| {
+                let corners = [[y[0], z[0]], [y[1], z[0]], [y[1], z[1]], [y[0], z[1]]];
+                Polygon::new(&corners.map(|[y, z]| DVec3::new(x, y, z)))
+            };
+            Sight {
+                p: rectangle(1.0),
+                q: rectangle(9.0),
+                before_p: Half { normal: DVec3::X, offset: -1.0 },
+                before_q: Half { normal: DVec3::NEG_X, offset: 9.0 },
+                near: Some(0.0),
+            }
         };
-        let sight = Sight {
-            p: rectangle(1.0),
-            q: rectangle(9.0),
-            before_p: Half { normal: DVec3::X, offset: -1.0 },
-            before_q: Half { normal: DVec3::NEG_X, offset: 9.0 },
-            near: Some(0.0),
-        };
-        // The second triangle is no sliver: both of its long sides move.
-        for (lower, is_blocked) in [(0.5, false), (0.48, true)] {
+        // The second triangle is no sliver: its corners move, but the sharp one so that its sides hardly move.
+        for (lower, y, z, is_blocked) in [
+            (0.5, [0.0, 0.1], [0.496, 0.508], false),
+            (0.48, [0.0, 0.1], [0.496, 0.508], true),
+            (0.48, [-5.005, -4.9], [0.4751, 0.4851], false),
+        ] {
+            let sight = sight(y, z);
             let triangles = scene_of(lower);
             let mut search = Search::new(&triangles, cell, 0.01, None);
             let target = Target::Box { min: DVec3::X * 9.0, max: DVec3::ONE + DVec3::X * 9.0 };
             let budget = Budget { nodes: 0, divided: 0, halvings: 0 };
             assert!(search.begin(target, budget), "the search begins");
-            let (shaft, line) = (Shaft::new(&sight.p, &sight.q, search.pad()), search.middle(&sight));
+            let shaft = Shaft::new(&sight.p, &sight.q, search.pad());
+            let line = Segment { p: sight.p.center(), q: sight.q.center() };
             let found = search.close(&sight, &shaft, 0, line);
-            assert_eq!(found.is_ok(), is_blocked, "a long side at {lower}: {found:?}");
+            assert_eq!(found.is_ok(), is_blocked, "a long side at {lower}, lines at {y:?}: {found:?}");
         }
     }
 }

@@ -359,12 +359,14 @@ fn what_is_hardly_visible_is_told() {
     };
     let slit = [wall(5.0, [-20.0, 0.48], [-20.0, 20.0]), wall(5.0, [0.52, 20.0], [-20.0, 20.0])].concat();
     let mut scene = Scene::new();
-    for triangles in [cube(Vec3::X * 10.0), cube(Vec3::X * -10.0), cube(Vec3::Y), slit] {
+    let inside = wall(0.5, [0.4, 0.6], [0.4, 0.6]).to_vec();
+    for triangles in [cube(Vec3::X * 10.0), cube(Vec3::X * -10.0), inside.clone(), slit] {
         let bounds = Aabb::from_points(triangles.iter().flatten().copied());
-        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        let occluder = triangles != inside;
+        let id = scene.insert(Object { occluder, ..Object::new(bounds) });
         scene.set_triangles(id, triangles).unwrap();
     }
-    scene.insert(Object::new(Aabb::new(Vec3::splat(15.0), Vec3::splat(16.0))));
+    scene.insert(Object::new(Aabb::new(Vec3::splat(-16.0), Vec3::splat(-15.0))));
     let triangles = SceneTriangles::new(&scene);
     for (share, is_hardly) in [(1.0, [true; 2]), (0.3, [true, false]), (0.001, [false; 2])] {
         let settings = ExactSettings::new(Effort::Share(share)).with_rays(100).with_aimed_rays(50);
