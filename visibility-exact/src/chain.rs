@@ -276,7 +276,7 @@ impl Search<'_> {
         for (&vertex, &(position, sum, count)) in vertices.iter().zip(&sums) {
             let shift = mitre(sum, count, self.clearance);
             // Without a clearance no corner may move. The first open edge is then returned as the obstacle. With
-            // one, no corner has a tag: the target triangle is none of the triangles that lines end at.
+            // one, lines end before the target, and corners of the target may move as any other.
             if self.clearance == 0.0 {
                 let (t, k) = scratch.open[0];
                 let corners = all.corners(t);
