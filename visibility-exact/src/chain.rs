@@ -426,7 +426,7 @@ pub(crate) fn apart(points: &[DVec3], polygon: &Polygon, plane: &Half, pad: f64)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::search::{Budget, NONE};
+    use crate::search::{Answer, Budget, NONE};
     use crate::sight::{CellBox, Target};
     use crate::triangles::SceneTriangles;
     use visibility_core::glam::Vec3;
@@ -555,6 +555,42 @@ mod tests {
             let line = Segment { p: sight.p.center(), q: sight.q.center() };
             let found = search.close(&sight, &shaft, 0, line);
             assert_eq!(found.is_ok(), is_blocked, "a long side at {lower}, lines at {y:?}: {found:?}");
+        }
+    }
+
+    /// A surface does not grow over a triangle that shows the viewcell its back.
+    #[test]
+    fn surfaces_do_not_grow_over_backs() {
+        let [a, b, c, d] =
+            [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[y, z]| Vec3::new(5.0, y, z));
+        for (other, is_blocked) in [([a, d, c], true), ([a, c, d], false)] {
+            let mut scene = Scene::new();
+            for (t, one_sided) in [([a, b, c], false), (other, true)] {
+                let bounds = Aabb::from_points(t);
+                let id = scene.insert(Object { occluder: true, one_sided, ..Object::new(bounds) });
+                scene.set_triangles(id, [t]).unwrap();
+            }
+            let triangles = SceneTriangles::new(&scene);
+            let cell = CellBox { min: DVec3::ZERO, max: DVec3::ONE };
+            let mut search = Search::new(&triangles, cell, 0.0, None);
+            let target = Target::Box { min: DVec3::X * 9.0, max: DVec3::ONE + DVec3::X * 9.0 };
+            let (answer, _) = search.solve_target(target, Budget { nodes: 20, divided: 0, halvings: 0 });
+            assert_eq!(
+                answer == Answer::Hidden,
+                is_blocked,
+                "a triangle {other:?} beside one with two sides"
+            );
+            let [p, q] = [1.0, 9.0].map(|x| {
+                let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+                Polygon::new(&corners.map(|[y, z]| DVec3::new(x, y, z)))
+            });
+            let before_p = Half { normal: DVec3::X, offset: -1.0 };
+            let before_q = Half { normal: DVec3::NEG_X, offset: 9.0 };
+            let sight = Sight { p, q, before_p, before_q, near: None };
+            let shaft = Shaft::new(&sight.p, &sight.q, search.pad());
+            let line = Segment { p: DVec3::new(1.0, 0.75, 0.25), q: DVec3::new(9.0, 0.75, 0.25) };
+            let found = search.close(&sight, &shaft, 0, line);
+            assert_eq!(found.is_ok(), is_blocked, "a triangle {other:?}: {found:?}");
         }
     }
 }
