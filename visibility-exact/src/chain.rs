@@ -275,8 +275,8 @@ impl Search<'_> {
         }
         for (&vertex, &(position, sum, count)) in vertices.iter().zip(&sums) {
             let shift = mitre(sum, count, self.clearance);
-            // Without a clearance no corner may move. The first open edge is then returned as the obstacle. With
-            // one, lines end before the target, and corners of the target may move as any other.
+            // Without a clearance no corner may move. The first open edge is then returned as the obstacle.
+            // With one, lines end before the target, and corners of the target may move as any other.
             if self.clearance == 0.0 {
                 let (t, k) = scratch.open[0];
                 let corners = all.corners(t);
@@ -539,7 +539,7 @@ mod tests {
                 near: Some(0.0),
             }
         };
-        // The second triangle is no sliver: its corners move, but the sharp one so that its sides hardly move.
+        // The second triangle is no sliver: its corners move, but the sharp one hardly moves its sides.
         for (lower, y, z, is_blocked) in [
             (0.5, [0.0, 0.1], [0.496, 0.508], false),
             (0.48, [0.0, 0.1], [0.496, 0.508], true),

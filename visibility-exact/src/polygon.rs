@@ -277,7 +277,7 @@ mod tests {
                 [[1.5; 2], [3.0; 2]],
                 "corner {turn} first: halves of the long and short sides"
             );
-            // Along x the rectangle is 3 m wide, so its long sides are to be halved, and along y its short ones.
+            // Across y the rectangle is 3 m wide, so its long sides are to be halved.
             let across = [DVec3::ZERO, DVec3::Y, DVec3::X].map(|edge| polygon.extent_across(edge));
             assert_eq!(across, [(3.0, false), (3.0, false), (1.0, true)], "corner {turn} first: widths");
         }

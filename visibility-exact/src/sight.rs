@@ -501,7 +501,7 @@ mod tests {
                     let expected = if is_level || near > 0.0 && c > 0.0 { 0.0 } else { pad };
                     assert!((cut - expected).abs() < 1e-9, "{t:?} with clearance {c}: cut at {cut}");
                 }
-                // Without clearance, viewpoints that rounding may have put behind the plane count as before it.
+                // Without clearance, viewpoints count that rounding may have put behind the plane.
                 if is_met {
                     let expected = if c > 0.0 || is_level { 0.0 } else { -pad };
                     assert!((least - expected).abs() < 1e-9, "{t:?} with clearance {c}: P begins at {least}");
@@ -555,8 +555,8 @@ mod tests {
         assert_eq!(found, (low, high), "the face towards the viewcell");
     }
 
-    /// A corner of a shrunk triangle moves by twice the clearance, unless more than half of the triangle would
-    /// be lost. No side moves by more than the clearance.
+    /// A corner of a shrunk triangle moves by twice the clearance, unless the triangle would lose more than
+    /// half. No side moves by more than the clearance.
     #[test]
     fn shrunk_triangles_are_as_large_as_they_may_be() {
         let mut random = Random(12);

@@ -110,7 +110,8 @@ impl<'a> CellQuery<'a> {
         settings: ExactSettings,
         scratch: Option<ChainScratch>,
     ) -> Self {
-        // A clearance within the error of positions counts as 0, since it would not part touching surfaces. This is safe: an object hidden with clearance 0 is hidden with any clearance.
+        // A clearance within the error of positions counts as 0, since it would not part touching surfaces.
+        // This is safe: an object hidden with clearance 0 is hidden with any clearance.
         let c = settings.clearance;
         let is_usable = c >= 64.0 * triangles.position_error(cell.magnitude() + 3.0 * c);
         let search = Search::new(triangles, cell, if is_usable { c } else { 0.0 }, scratch);
