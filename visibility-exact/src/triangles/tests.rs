@@ -8,8 +8,11 @@ use visibility_testing::Random;
 
 fn prepared(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> SceneTriangles {
     let triangles: Vec<[Vec3; 3]> = triangles.into_iter().collect();
+    prepared_in(Aabb::from_points(triangles.as_flattened().iter().copied()), triangles)
+}
+
+fn prepared_in(bounds: Aabb, triangles: Vec<[Vec3; 3]>) -> SceneTriangles {
     let mut scene = Scene::new();
-    let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
     let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
     scene.set_triangles(id, triangles).unwrap();
     SceneTriangles::new(&scene)
@@ -333,4 +336,34 @@ fn boxes_of_targets_hold_their_occluder_meshes() {
     for (all, when) in [(all, "later"), (SceneTriangles::new(&scene), "from the start")] {
         assert_eq!(all.objects[0].max, reach.max.as_dvec3(), "a mesh that was there {when}");
     }
+}
+
+/// A coordinate of a corner, or of the bounds of an object without triangles, that is NaN, infinite or beyond
+/// the limit leaves the object open. One at the limit does not. Bounds of objects with triangles do not count.
+#[test]
+fn objects_with_coordinates_beyond_the_limit_are_open() {
+    let limit = LIMIT as f32;
+    let least = limit.next_up();
+    for value in [0.0, limit, -limit, least, -least, f32::INFINITY, f32::NEG_INFINITY, f32::NAN] {
+        let expected = value.abs() > limit || value.is_nan();
+        for at in 0..9 {
+            let mut corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+            corners[at / 3][at % 3] = value;
+            let all = prepared_in(Aabb::from_arrays([0.0; 3], [1.0; 3]), vec![corners]);
+            assert_eq!(all.objects[0].is_open, expected, "coordinate {at} of the triangle: {value}");
+            assert_eq!(all.len(), usize::from(!expected), "coordinate {at}, {value}: triangles");
+        }
+        for axis in 0..3 {
+            let mut bounds = Aabb::from_arrays([0.0; 3], [0.0; 3]);
+            (if value < 0.0 { &mut bounds.min } else { &mut bounds.max })[axis] = value;
+            assert_eq!(prepared_in(bounds, vec![]).objects[0].is_open, expected, "bounds {bounds:?}");
+        }
+    }
+    let large = Aabb::from_arrays([0.0; 3], [least; 3]);
+    assert!(
+        !prepared_in(large, vec![[Vec3::ZERO, Vec3::X, Vec3::Y]]).objects[0].is_open,
+        "its triangle is small"
+    );
+    let inverted = Aabb::from_arrays([1.0; 3], [0.0; 3]);
+    assert!(prepared_in(inverted, vec![]).objects[0].is_open, "inverted bounds");
 }
