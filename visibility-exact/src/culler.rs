@@ -209,8 +209,8 @@ mod tests {
         }
     }
 
-    /// An open object is removed by a query without proofs that ran to its end, if it has triangles and can be
-    /// judged, and in no other case.
+    /// An open object is removed by a query without proofs that ran to its end, if it has triangles and can
+    /// be judged, and in no other case.
     #[test]
     fn open_objects_stay_unless_rays_have_judged_them() {
         let triangles = SceneTriangles::new(&wall_and_plate());

@@ -393,8 +393,8 @@ fn blocked(
 /// than 1e-9 of its length. Each box is its least and its greatest corner.
 ///
 /// The points at a part s of the segments, from 0 to 1, fill the box between the two. It meets `at` if six
-/// linear functions of s are not negative, which leaves a range of s. Their values at the ends are one rounded
-/// difference each, whose sign is exact. An end of the range divides two numbers of unlike sign, whose sum of
+/// linear functions of s are not negative, which leaves a range of s. Each value at an end is one rounded
+/// difference, whose sign is exact. An end of the range divides two numbers of unlike sign, whose sum of
 /// absolute values does not cancel: it is wrong by at most 4 roundings, of numbers up to 1.
 fn meets(from: [DVec3; 2], to: [DVec3; 2], at: [DVec3; 2]) -> bool {
     let (mut least, mut greatest) = (0.0f64, 1.0f64);

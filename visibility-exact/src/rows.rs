@@ -499,5 +499,10 @@ mod tests {
             let answer = search.divide_rows(&mut node, &mut 200, 0, levels);
             assert_eq!(answer == Answer::Hidden, expected, "at level {levels}: {answer:?}");
         }
+        // Nor is a node decided without nodes left, or after a stop.
+        let node = || RowNode::new(all[0], all[0].side_error(1e-9), &[]);
+        assert_eq!(search.divide_rows(&mut node(), &mut 0, 0, 0), Answer::Undecided, "without nodes left");
+        search.stop = &|| true;
+        assert_eq!(search.divide_rows(&mut node(), &mut 200, 0, 0), Answer::Undecided, "after a stop");
     }
 }

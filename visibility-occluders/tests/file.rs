@@ -159,8 +159,8 @@ fn content_that_cannot_be_drawn_is_refused() {
     }
 }
 
-/// Numbers of a polygon at their limits are read: a normal and a cosine that are longer than 1 by rounding, and
-/// an area of 0.
+/// Numbers of a polygon at their limits are read: a normal and a cosine that are longer than 1 by rounding,
+/// and an area of 0.
 #[test]
 fn polygons_at_the_limits_are_read() {
     let level = sample(true);

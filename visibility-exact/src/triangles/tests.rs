@@ -339,7 +339,7 @@ fn boxes_of_targets_hold_their_occluder_meshes() {
 }
 
 /// A coordinate of a corner, or of the bounds of an object without triangles, that is NaN, infinite or beyond
-/// the limit leaves the object open. One at the limit does not. Bounds of objects with triangles do not count.
+/// the limit leaves the object open. One at the limit does not. Bounds count without triangles alone.
 #[test]
 fn objects_with_coordinates_beyond_the_limit_are_open() {
     let limit = LIMIT as f32;
