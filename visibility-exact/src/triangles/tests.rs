@@ -367,3 +367,101 @@ fn objects_with_coordinates_beyond_the_limit_are_open() {
     let inverted = Aabb::from_arrays([1.0; 3], [0.0; 3]);
     assert!(prepared_in(inverted, vec![]).objects[0].is_open, "inverted bounds");
 }
+
+/// A triangle occludes if its object is an occluder on some layer and it has an area. Objects that occlude
+/// are counted on their layers.
+#[test]
+fn triangles_with_area_of_occluders_on_layers_occlude() {
+    for case in 0..8 {
+        let [occluder, has_layers, has_area] = [1, 2, 4].map(|bit| case & bit != 0);
+        let triangle = [Vec3::ZERO, Vec3::X, if has_area { Vec3::Y } else { Vec3::X * 2.0 }];
+        let mut scene = Scene::new();
+        let layers = if has_layers { 6 } else { 0 };
+        let id = scene.insert(Object { occluder, layers, ..Object::new(Aabb::from_points(triangle)) });
+        scene.set_triangles(id, [triangle]).unwrap();
+        let all = SceneTriangles::new(&scene);
+        let expected = occluder && has_layers && has_area;
+        let what = format!("occluder {occluder}, layers {has_layers}, area {has_area}");
+        assert_eq!((all.len(), all.occluder_count()), (1, usize::from(expected)), "{what}");
+        assert_eq!(all.layers.get(&6).copied(), expected.then_some(1), "{what}: objects on the layers");
+    }
+}
+
+/// One-sided triangles show to viewpoints in front of them alone, not to those in their plane.
+#[test]
+fn one_sided_triangles_show_to_their_fronts() {
+    let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    for one_sided in [false, true] {
+        let mut scene = Scene::new();
+        let id = scene.insert(Object { one_sided, ..Object::new(Aabb::from_points(triangle)) });
+        scene.set_triangles(id, [triangle]).unwrap();
+        let all = SceneTriangles::new(&scene);
+        for (z, is_before) in [(1.0, true), (1e-3, true), (0.0, false), (-1e-3, false), (-1.0, false)] {
+            let shows = all.shows(0, DVec3::new(3.0, 2.0, z));
+            assert_eq!(shows, is_before || !one_sided, "one-sided {one_sided}, from a height of {z}");
+        }
+    }
+}
+
+/// The box of a target is that of its triangles, and the greatest coordinate of all counts for the error of
+/// positions, as does a greater one that is given.
+#[test]
+fn boxes_and_errors_are_those_of_all_corners() {
+    let mut random = Random(6);
+    for round in 0..200 {
+        let triangles: Vec<[Vec3; 3]> = (0..3).map(|_| [(); 3].map(|()| random.vec3(-9.0, 9.0))).collect();
+        let all = prepared(triangles.clone());
+        let corners = triangles.as_flattened();
+        let around = Aabb::from_points(corners.iter().copied());
+        let found = [all.objects[0].min, all.objects[0].max];
+        assert_eq!(found, [around.min.as_dvec3(), around.max.as_dvec3()], "{round}: box");
+        let most = corners.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
+        for (given, greatest) in [(0.0, f64::from(most)), (100.0, 100.0)] {
+            let error = all.position_error(given);
+            assert_eq!(error, greatest * 2f64.powi(-46), "{round}: error of positions with {given}");
+        }
+    }
+}
+
+/// Edges have one number exactly where they join the same vertices, and vertices where they are in one place.
+#[test]
+fn edges_are_pairs_of_vertices() {
+    let mut random = Random(8);
+    for round in 0..50 {
+        let mut point = || Vec3::from_array([(); 3].map(|()| random.between(0, 1) as f32));
+        let all = prepared((0..12).map(|_| [point(), point(), point()]).collect::<Vec<_>>());
+        let sides: Vec<(u32, usize)> = (0..12).flat_map(|t| [0, 1, 2].map(|k| (t, k))).collect();
+        let at = |(t, k): (u32, usize)| all.corners(t)[k % 3];
+        for &(t, k) in &sides {
+            for &(u, m) in &sides {
+                let is_one = all.vertices(t)[k] == all.vertices(u)[m];
+                assert_eq!(is_one, at((t, k)) == at((u, m)), "{round}: corners {k} of {t} and {m} of {u}");
+                let ends = [at((t, k)), at((t, k + 1))];
+                let others = [at((u, m)), at((u, m + 1))];
+                let is_same = ends == others || ends == [others[1], others[0]];
+                assert_eq!(all.edges(t)[k] == all.edges(u)[m], is_same, "{round}: {ends:?} and {others:?}");
+            }
+            let occluding: Vec<u32> =
+                (0..12).filter(|&u| all.occludes(u) && all.edges(u).contains(&all.edges(t)[k])).collect();
+            let mut listed = all.triangles_at(all.edges(t)[k]).to_vec();
+            listed.sort_unstable();
+            listed.dedup();
+            assert_eq!(listed, occluding, "{round}: triangles at edge {k} of {t}");
+        }
+    }
+}
+
+/// The log holds 1,024 changes, or a quarter as many as there are objects, and forgets whole calls.
+#[test]
+fn the_log_holds_as_many_changes_as_it_says() {
+    let change = super::log::Change { place: 0, was: [DVec3::ZERO; 2] };
+    for (objects, size, kept) in [(0, 1, 1024), (4096, 1, 1024), (8000, 1, 2000), (0, 3, 341), (0, 2000, 0)] {
+        let mut log = Log::default();
+        for _ in 0..3000 {
+            let before = log.stamp;
+            log.push(vec![change; size], objects);
+            assert!(log.stamp != before, "each call has a state of its own");
+        }
+        assert_eq!(log.entries.len(), kept, "{objects} objects, {size} changes in each call");
+    }
+}
