@@ -219,7 +219,8 @@ mod tests {
             let [proves, is_decided, is_open, is_empty] = [1, 2, 4, 8].map(|bit| case & bit != 0);
             found.is_decided = is_decided;
             let settings = ExactSettings { proves, ..ExactSettings::new(Effort::Rays(8)) };
-            let mut object = TargetObject { is_open, ..triangles.objects[1].clone() };
+            let mut object = triangles.objects[1].clone();
+            object.is_open = is_open;
             object.end = if is_empty { object.first } else { object.end };
             let is_removed = !proves && is_decided && !is_open && !is_empty;
             let what = format!("proofs {proves}, decided {is_decided}, open {is_open}, empty {is_empty}");

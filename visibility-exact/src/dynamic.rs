@@ -510,8 +510,8 @@ mod tests {
         let mut counts = [0; 2];
         for round in 0..20_000 {
             let mut bounds = || {
-                let a: [i64; 3] = core::array::from_fn(|_| i64::from(random.between(-4, 4)));
-                let size = random.between(0, 2);
+                let a: [i64; 3] = core::array::from_fn(|_| i64::from(random.between(-3, 3)));
+                let size = random.between(0, 4);
                 [a, a.map(|x| x + i64::from(random.between(0, size)))]
             };
             let boxes = [bounds(), bounds(), bounds()];

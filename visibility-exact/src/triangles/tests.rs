@@ -349,7 +349,9 @@ fn objects_with_coordinates_beyond_the_limit_are_open() {
         for at in 0..9 {
             let mut corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
             corners[at / 3][at % 3] = value;
-            let all = prepared_in(Aabb::from_arrays([0.0; 3], [1.0; 3]), vec![corners]);
+            // Bounds that hold the corners, and are finite unless a corner is infinite.
+            let most = f32::MAX * if value.is_infinite() { f32::INFINITY } else { 1.0 };
+            let all = prepared_in(Aabb::from_arrays([-most; 3], [most; 3]), vec![corners]);
             assert_eq!(all.objects[0].is_open, expected, "coordinate {at} of the triangle: {value}");
             assert_eq!(all.len(), usize::from(!expected), "coordinate {at}, {value}: triangles");
         }
