@@ -467,3 +467,103 @@ fn the_log_holds_as_many_changes_as_it_says() {
         assert_eq!(log.entries.len(), kept, "{objects} objects, {size} changes in each call");
     }
 }
+
+/// An object is the same after a change that touches neither its id, its being open, its box, nor any of its
+/// triangles, and another one after each change that does.
+#[test]
+fn changes_that_visibility_depends_on_are_changes() {
+    let [a, b, c, d] = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]].map(|[y, z]| Vec3::new(1.0, y, z));
+    let halves = vec![[a, b, c], [a, c, d]];
+    let others = vec![[a, b, d], [b, c, d]];
+    let (one, bounds) = (vec![halves[0]], Aabb::from_points([a, b, c, d]));
+    type Action = fn(&mut Scene, ObjectId);
+    let cases: [(&str, &[[Vec3; 3]], &[[Vec3; 3]], Action, bool); 9] = [
+        ("nothing", &halves, &halves, |_, _| {}, false),
+        ("other layers", &halves, &halves, |scene, id| scene.set_layers(id, 2).unwrap(), false),
+        ("other corners in the same box", &halves, &others, |_, _| {}, true),
+        ("fewer triangles in the same box", &halves, &one, |_, _| {}, true),
+        ("more triangles in the same box", &one, &halves, |_, _| {}, true),
+        ("no occluder", &halves, &halves, |scene, id| scene.set_occluder(id, false).unwrap(), true),
+        (
+            "never culled, with triangles",
+            &one,
+            &one,
+            |scene, id| scene.set_never_cull(id, true).unwrap(),
+            true,
+        ),
+        (
+            "never culled, without triangles",
+            &[],
+            &[],
+            |scene, id| scene.set_never_cull(id, true).unwrap(),
+            true,
+        ),
+        (
+            "another box, without triangles",
+            &[],
+            &[],
+            |scene, id| scene.set_bounds(id, Aabb::from_arrays([0.0; 3], [2.0; 3])).unwrap(),
+            true,
+        ),
+    ];
+    for (case, was, now, act, expected) in cases {
+        let mut scene = Scene::new();
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        scene.set_triangles(id, was.to_vec()).unwrap();
+        let mut all = SceneTriangles::new(&scene);
+        let before = all.stamp();
+        scene.set_triangles(id, now.to_vec()).unwrap();
+        act(&mut scene, id);
+        assert_eq!(all.sync(&scene), expected, "{case}");
+        assert_eq!(all.stamp() != before, expected, "{case}: state");
+    }
+    // An equal object in place of a removed one.
+    let mut scene = Scene::new();
+    let object = Object { occluder: true, ..Object::new(bounds) };
+    let id = scene.insert(object);
+    let mut all = SceneTriangles::new(&scene);
+    scene.remove(id).unwrap();
+    let other = scene.insert(object);
+    assert_eq!(id.index(), other.index(), "the index of the removed object");
+    assert!(all.sync(&scene), "an equal object with another id");
+    assert_eq!(all.objects[0].id, other, "the object of the verdict");
+}
+
+/// A polygon is newer than the states before the one in which it was made, and no newer than that one.
+#[test]
+fn pieces_are_newer_than_states_before_them() {
+    let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let mut scene = Scene::new();
+    let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(triangle)) });
+    scene.set_triangles(id, [triangle]).unwrap();
+    let mut all = SceneTriangles::new(&scene);
+    let first = all.serial();
+    assert!(!all.is_piece_newer(all.piece_of(0), first), "a polygon of the first state");
+    assert!(all.is_piece_newer(7, first), "a polygon that is not there");
+    reshape(&mut scene, id, vec![triangle.map(|x| x * 2.0)]);
+    assert!(all.sync(&scene), "the triangle grows");
+    let piece = all.piece_of(all.objects[0].first);
+    let found = [first, all.serial()].map(|serial| all.is_piece_newer(piece, serial));
+    assert_eq!(found, [true, false], "a polygon of the second state, against both");
+}
+
+/// Polygons are joined from neighbours of one kind alone, one-sided or not, and have 8 corners at most.
+#[test]
+fn pieces_have_one_kind_of_triangles_and_eight_corners() {
+    let [a, b, c, d] = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]].map(|[y, z]| Vec3::new(1.0, y, z));
+    for case in 0..4 {
+        let mut scene = Scene::new();
+        for (triangle, one_sided) in [([a, b, c], case & 1 != 0), ([a, c, d], case & 2 != 0)] {
+            let bounds = Aabb::from_points(triangle);
+            let id = scene.insert(Object { occluder: true, one_sided, ..Object::new(bounds) });
+            scene.set_triangles(id, [triangle]).unwrap();
+        }
+        let expected = if case == 0 || case == 3 { 1 } else { 2 };
+        assert_eq!(SceneTriangles::new(&scene).pieces.len(), expected, "one-sided ones in case {case}");
+    }
+    // A fan from a corner of a convex polygon.
+    let at = |k: u8| Vec3::new(1.0, f32::from(k), f32::from(k).powi(2));
+    let all = prepared((1..20).map(|k| [at(0), at(k), at(k + 1)]));
+    let most = all.pieces.iter().map(|piece| piece.ring.len()).max();
+    assert_eq!(most, Some(8), "greatest number of corners");
+}
