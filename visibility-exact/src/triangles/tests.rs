@@ -476,8 +476,9 @@ fn changes_that_visibility_depends_on_are_changes() {
     let halves = vec![[a, b, c], [a, c, d]];
     let others = vec![[a, b, d], [b, c, d]];
     let (one, bounds) = (vec![halves[0]], Aabb::from_points([a, b, c, d]));
-    type Action = fn(&mut Scene, ObjectId);
-    let cases: [(&str, &[[Vec3; 3]], &[[Vec3; 3]], Action, bool); 9] = [
+    type Corners = [Vec3; 3];
+    type Case<'a> = (&'a str, &'a [Corners], &'a [Corners], fn(&mut Scene, ObjectId), bool);
+    let cases: [Case<'_>; 9] = [
         ("nothing", &halves, &halves, |_, _| {}, false),
         ("other layers", &halves, &halves, |scene, id| scene.set_layers(id, 2).unwrap(), false),
         ("other corners in the same box", &halves, &others, |_, _| {}, true),
