@@ -473,6 +473,11 @@ mod tests {
             "the triangle and the index of the vertex that does not exist"
         );
         assert_eq!(
+            OccluderMesh::from_indexed(&p, &[[0, 1, 3]]),
+            Err(MeshError::Index { triangle: 0, index: 3 }),
+            "the index just beyond the vertices"
+        );
+        assert_eq!(
             OccluderMesh::from_indexed(&p, &[[0, 1, 1]]),
             Err(MeshError::NoTriangle),
             "a triangle with the same vertex twice is left out, and none remains"

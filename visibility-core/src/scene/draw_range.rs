@@ -118,6 +118,8 @@ mod tests {
             [0.0, 1.0, 1.0, 0.0, 0.0],
             "a range holds both of its ends"
         );
+        let point = DrawRange { begin: 3.0, end: 3.0, margin: 0.0 };
+        assert_eq!(point.opacity(3.0), 1.0, "a range of one distance");
         let fading = DrawRange { margin: 2.0, ..range };
         assert_eq!(
             [10.0, 11.0, 12.0, 15.0, 18.0, 19.0, 20.0].map(|at| fading.opacity(at)),

@@ -297,3 +297,22 @@ fn matrices_that_are_not_finite_are_refused() {
         }
     }
 }
+
+/// Matrices of which no product of elements in two rows and two columns is other than zero.
+#[test]
+fn matrices_of_one_column_are_refused() {
+    for column in 0..4 {
+        let mut m = [[0.0; 4]; 4];
+        m[column] = [1.0; 4];
+        let refused = View::from_clip_from_world(DMat4::from_cols_array_2d(&m), Depth::ZeroToOne);
+        assert_eq!(refused.map(|_| ()), Err(ViewError::NotInvertible), "column {column} alone");
+    }
+}
+
+#[test]
+fn round_and_tiny_distances_keep_their_zeros() {
+    let far = View::perspective(pose(), 1.0, 1.5, 0.25, 1000.0).unwrap().to_string();
+    assert!(far.contains("near 0.25, far 1000, depth"), "a far plane at 1 km: {far}");
+    let near = View::perspective(pose(), 1.0, 1.5, 1e-10, f64::INFINITY).unwrap().to_string();
+    assert!(near.contains("near 1.0e-10, no far plane"), "a near plane at 1e-10 m: {near}");
+}
