@@ -105,7 +105,7 @@ mod tests {
             }
             let plane = Plane::new(normal, offset);
             assert!(!is_outside(plane, error, p), "case {case}: {p} on {plane:?}, error {error}");
-            // Seven roundings of the greatest term are the most that a point may be beyond the plane.
+            // A point further beyond than all roundings together is outside.
             let beyond = 64.0 * f64::from(f32::EPSILON) * (offset.abs() + error + size * 2.0);
             let plane = Plane::new(normal, offset - beyond);
             assert!(is_outside(plane, error, p), "case {case}: {p} beyond {plane:?}, error {error}");

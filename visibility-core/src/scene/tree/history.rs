@@ -226,7 +226,8 @@ impl History {
     }
 }
 
-#[cfg(all(test, target_has_atomic = "ptr"))]
+#[cfg(test)]
+#[cfg(target_has_atomic = "ptr")]
 mod tests {
     use super::*;
     use visibility_testing::Random;
