@@ -380,12 +380,15 @@ mod tests {
             (0..1000).take_while(|_| experience.leaves_out(objects, DVec3::X)).count()
         };
         assert_eq!(frames(experience, 1), 64, "frames in a row");
-        assert_eq!(frames(after_losses(9.0), 100), 5, "frames that save the work of 9 triangles");
+        assert_eq!(frames(after_losses(10.0), 100), 5, "frames that save the work of 10 triangles");
         let mut paying = experience;
         let mut budget = Budget::new(24, 10_000);
         budget.spend(240.0);
         paying.record(&budget, 10);
         assert!(!paying.leaves_out(100, DVec3::X), "ten objects are worth 240 triangles");
+        budget.spend(1000.0);
+        paying.record(&budget, 0);
+        assert!(!paying.leaves_out(100, DVec3::X), "a loss after a frame that paid for itself is the first");
     }
 
     #[test]

@@ -157,6 +157,7 @@ mod tests {
             } else {
                 scene.set_bounds(ids[1], MOVED).unwrap();
             }
+            assert_eq!(scene.bounds(ids[1]), Ok(MOVED), "{name}, in a batch {is_batch}: the bounds");
             assert_eq!(scene.local_bounds(ids[1]), None, "{name}, in a batch {is_batch}: the local box");
             assert!(!scene.has_mesh(ids[1]), "{name}, in a batch {is_batch}: the mesh");
             let is_empty = scene.triangles(ids[1]).unwrap().is_empty();
@@ -178,6 +179,23 @@ mod tests {
             scene.set_triangles(id, triangles()).unwrap();
             assert_eq!(scene.prepare_occluders(&crate::occlusion::Preparation::default()), 1, "it is made");
         });
+    }
+
+    /// Batches of few and of all objects, in hierarchies that have more nodes than objects, or as many.
+    #[test]
+    fn batches_of_any_size_move_all_their_objects() {
+        for (count, left) in [(1, 1), (64, 2), (65, 65), (5000, 4), (5000, 200), (5000, 5000)] {
+            for moves in [1, 2, 3, left / 2, left].into_iter().filter(|&moves| moves <= left) {
+                let mut scene = Scene::new();
+                let ids: Vec<_> = (0..count).map(|_| scene.insert(BOX)).collect();
+                scene.remove_batch(&ids[left..]).unwrap();
+                let moved: Vec<_> = ids[..moves].iter().map(|&id| (id, MOVED)).collect();
+                scene.set_bounds_batch(&moved).unwrap();
+                let found = ids[..left].iter().map(|&id| scene.bounds(id).unwrap());
+                let expected = (0..left).map(|i| if i < moves { MOVED } else { BOX });
+                assert!(found.eq(expected), "{moves} of {left} objects, of {count} that were there");
+            }
+        }
     }
 
     /// The index of a removed object has another generation, which no object has until the next is inserted.
