@@ -238,8 +238,8 @@ mod tests {
     use crate::geometry::Plane;
     use visibility_testing::Random;
 
-    /// The end of a path as a caller computes it is in a box that begins there, and within `reach` of one that
-    /// begins that much farther.
+    /// The end of a path as a caller computes it is in a box that begins there, and within `reach` of one
+    /// that begins that much farther.
     #[test]
     fn the_callers_own_end_of_a_path_is_in_a_box_that_begins_there() {
         let mut random = Random(4);

@@ -194,8 +194,8 @@ impl<D: QueryDevice> Boxes<D> {
         });
         let question = questions.get_mut(index)?;
         question.tested = frame;
-        // `renewed` is not after `frame`, and a visible box is due after the frame of its answer: none is asked
-        // about twice in a frame.
+        // `renewed` is not after `frame`, and a visible box is due after the frame of its answer: none is
+        // asked about twice in a frame.
         let is_due = question.answer.is_none_or(|answer| {
             if answer.is_hidden { answer.frame < renewed } else { question.due <= frame }
         });
