@@ -114,7 +114,7 @@ mod tests {
         for radius in [-1.0, -1e-300, f64::NAN] {
             assert!(!Sphere::from_world(DVec3::ONE, radius, DVec3::ZERO).is_proper(), "radius {radius}");
         }
-        assert!(Sphere::from_world(DVec3::ONE, 0.0, DVec3::ZERO).is_proper(), "a point is proper");
+        assert!(Sphere::new(Vec3::ONE, 0.0).is_proper(), "a point is proper");
         for (center, radius) in [(Vec3::NAN, 1.0), (Vec3::ZERO, -1.0), (Vec3::ZERO, f32::NAN)] {
             assert!(!Sphere::new(center, radius).is_proper(), "{center} with radius {radius}");
         }

@@ -399,4 +399,30 @@ mod tests {
         scene.set_draw_range(ranged, DrawRange::ALWAYS).unwrap();
         assert_eq!(scene.draw_range_count(), 0, "objects with a draw range");
     }
+
+    #[test]
+    fn an_id_of_before_is_no_parent() {
+        let (mut scene, ids) = scene(2);
+        scene.remove(ids[0]).unwrap();
+        let again = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+        assert_eq!(again.index(), ids[0].index(), "the object takes the place of the other");
+        scene.set_hlod_parent(ids[1], Some(again)).unwrap();
+        assert!(scene.is_hlod_parent(again) && !scene.is_hlod_parent(ids[0]), "parents");
+    }
+
+    #[test]
+    fn lanes_are_of_layers_and_occluders_of_flags() {
+        let bounds = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+        let lanes = |scene: &Scene, layers: u32| -> u32 {
+            (0..scene.leaf_limit()).map(|leaf| scene.lanes_on_layers(leaf, layers).count_ones()).sum()
+        };
+        let mut scene = Scene::new();
+        let plain = scene.insert(bounds);
+        assert_eq!([0, 1].map(|layers| lanes(&scene, layers)), [0, 1], "an object on all layers");
+        let wall = scene.insert(crate::Object { occluder: true, layers: 2, ..crate::Object::new(bounds) });
+        assert_eq!([0, 2, 4].map(|layers| lanes(&scene, layers)), [0, 2, 1], "and one on layer 2");
+        let improper = Aabb::from_arrays([f32::NAN; 3], [1.0; 3]);
+        let lost = scene.insert(crate::Object { occluder: true, ..crate::Object::new(improper) });
+        assert_eq!([plain, wall, lost].map(|id| scene.can_occlude(id)), [false, true, false], "occluders");
+    }
 }

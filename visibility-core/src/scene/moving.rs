@@ -213,4 +213,15 @@ mod tests {
         assert!(again == next && scene.has_mesh(again), "the next object has the next id");
         assert!(!scene.has_mesh(ids[0]) && !scene.has_mesh(ids[1]), "others have no mesh");
     }
+
+    #[test]
+    fn a_mesh_of_an_earlier_object_leaves_those_of_later_ones() {
+        let mut scene = Scene::new();
+        let ids = [(); 2].map(|()| scene.insert(BOX));
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&BOX).unwrap());
+        for id in [ids[1], ids[0]] {
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        }
+        assert_eq!(ids.map(|id| scene.has_mesh(id)), [true; 2], "objects with a mesh");
+    }
 }

@@ -287,6 +287,9 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        if !self.clip_planes.is_some_and(|planes| occluder.is_inside(&planes, transform)) {
+            return;
+        }
         let numbers = transform.to_cols_array().map(f32::to_bits).into_iter();
         let hash = numbers.fold(self.drawn[0], Fingerprint::with);
         self.drawn[0] = hash.with_u64(occluder.fingerprint().value());
