@@ -26,3 +26,36 @@ pub(crate) fn put_in_order(centers: &mut [([f64; 2], u32)]) {
     put_in_order(left);
     put_in_order(right);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec::Vec;
+
+    /// Points along either axis, out of order: the first half of the leaves has the lesser ones. A leaf is in
+    /// the order of its indices.
+    #[test]
+    fn leaves_are_halves_of_the_longer_axis() {
+        for axis in 0..2 {
+            for (count, half) in [(16, 16), (17, 16), (40, 32), (100, 64)] {
+                let mut points: Vec<([f64; 2], u32)> = (0..count)
+                    .map(|i| {
+                        let mut at = [f64::from(i % 3); 2];
+                        at[axis] = 10.0 * f64::from(i * 37 % count) - 50.0;
+                        (at, i)
+                    })
+                    .collect();
+                if axis == 1 {
+                    points.reverse();
+                }
+                put_in_order(&mut points);
+                let (left, right) = points.split_at(half);
+                let most = left.iter().map(|(at, _)| at[axis]).fold(f64::NEG_INFINITY, f64::max);
+                assert!(right.iter().all(|(at, _)| at[axis] > most), "{count} points along axis {axis}");
+                for leaf in points.chunks(LEAF) {
+                    assert!(leaf.is_sorted_by_key(|&(_, index)| index), "a leaf of {count} points");
+                }
+            }
+        }
+    }
+}

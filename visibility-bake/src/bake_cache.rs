@@ -198,3 +198,27 @@ impl BakeCache {
         Ok(cache)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_are_read_as_written_and_forged_ones_are_refused() {
+        let record = CellRecord { key: 1, left: vec![2, 5, 6], answers: vec![SEEN, HIDDEN, OPEN], steps: 4 };
+        let read = |record: &CellRecord| {
+            let mut to = Writer::new(FORMAT, 0, 0);
+            record.save(&mut to);
+            let bytes = to.finish();
+            CellRecord::load(&mut Reader::new(&bytes, FORMAT).unwrap()).ok()
+        };
+        assert_eq!(read(&record).as_ref(), Some(&record), "the record as written");
+        let twice = CellRecord { left: vec![2, 5, 5], ..record.clone() };
+        assert_eq!(read(&twice), None, "an object listed twice");
+        let unknown = CellRecord { answers: vec![SEEN, HIDDEN, OPEN + 1], ..record.clone() };
+        assert_eq!(read(&unknown), None, "an unknown answer");
+        assert!(record.is_of(&[0; 7]), "a list of seven objects has a position 6");
+        assert!(!record.is_of(&[0; 6]), "a list of six objects has no position 6");
+        assert!(CellRecord::default().is_of(&[]), "a record that leaves nothing is of any list");
+    }
+}

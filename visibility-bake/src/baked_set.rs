@@ -684,4 +684,12 @@ mod tests {
         let forged = BakedSet { viewcells: divided(PLANES + 1), ..made(divided(1)).unwrap() };
         assert_eq!(BakedSet::from_bytes(&forged.to_bytes()), refused, "a plane too many in a file");
     }
+
+    #[test]
+    fn occluders_are_flagged_and_on_a_layer() {
+        let plain = Object { occluder: true, ..Object::new(Aabb::from_arrays([0.0; 3], [1.0; 3])) };
+        let all = [plain, Object { layers: 0, ..plain }, Object { occluder: false, ..plain }];
+        let bits = occluders(3, (0..).zip(all));
+        assert_eq!([0, 1, 2].map(|index| bits.contains(index)), [true, false, false], "occluders");
+    }
 }

@@ -122,4 +122,14 @@ mod tests {
         assert!(groups.cells.len() < 100, "{}", groups.cells.len());
         assert!(groups.cells.is_sorted(), "in the order of their first viewcells");
     }
+
+    /// The box around a group holds its flat viewcells too. A viewcell without a volume ends the division.
+    #[test]
+    fn flat_and_endless_viewcells_are_in_their_groups() {
+        let flat = Viewcell::from_box(DVec3::new(5.0, 0.0, 0.0), DVec3::new(5.0, 1.0, 1.0));
+        let cells = [Viewcell::from_box(DVec3::ZERO, DVec3::ONE), flat];
+        assert_eq!(bounds(&cells, &[0, 1]).max, DVec3::new(5.0, 1.0, 1.0), "the box around both");
+        let endless = Viewcell::from_box(DVec3::ZERO, DVec3::new(f64::INFINITY, 1.0, 0.0));
+        assert_eq!(CellGroups::new(&Viewcells::new([endless])).cells, [[0]], "a group of its own");
+    }
 }

@@ -64,3 +64,40 @@ impl CellSandwich {
         Ok(Self { seen, open: open.into(), swept, proven, steps })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::binary_format::Format;
+
+    const EXAMPLE: Format = Format { magic: *b"EXAMPLE.", version: 1 };
+
+    #[test]
+    fn results_are_read_as_written_and_forged_ones_are_refused() {
+        let found = |seen: &[u32], open: &[u32]| CellSandwich {
+            seen: seen.to_vec(),
+            open: open.into(),
+            swept: 1,
+            proven: 2,
+            steps: 3,
+        };
+        let read = |found: &CellSandwich, limit: usize| {
+            let mut to = Writer::new(EXAMPLE, 0, 0);
+            found.save(&mut to);
+            let bytes = to.finish();
+            CellSandwich::load(&mut Reader::new(&bytes, EXAMPLE).unwrap(), limit).ok()
+        };
+        let all = found(&[1, 4], &[0, 2, 7]);
+        assert_eq!(read(&all, 8).as_ref(), Some(&all), "the result as written");
+        assert_eq!(read(&all, 7), None, "an index that is not below the limit");
+        for (seen, open, what) in [
+            (&[4, 1][..], &[][..], "out of order"),
+            (&[1, 1][..], &[][..], "seen twice"),
+            (&[][..], &[3, 3][..], "open twice"),
+            (&[1, 3][..], &[0, 3][..], "seen and open"),
+        ] {
+            assert_eq!(read(&found(seen, open), 8), None, "{what}");
+        }
+        assert_eq!(all.reported().as_ref(), [0, 1, 2, 4, 7], "seen and open objects");
+    }
+}

@@ -54,7 +54,7 @@ pub struct DegreeSampler {
 }
 
 /// The way in which an object of a row is drawn and counted.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 enum Sampled {
     /// The object is drawn, and hides what is behind it.
     Opaque,
@@ -236,4 +236,50 @@ fn eyes(viewcell: &Viewcell, count: u32) -> impl Iterator<Item = Option<DVec3>> 
             || viewcell.min + (viewcell.max - viewcell.min) * DVec3::new(random(), random(), random());
         (0..TRIES).map(|_| point()).find(|&point| viewcell.contains(point))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::geometry::Plane;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Object};
+
+    #[test]
+    fn only_occluders_of_a_bake_hide_what_is_behind_them() {
+        let mut scene = Scene::new();
+        let bounds = Aabb::from_arrays([5.0; 3], [6.0; 3]);
+        let plain = Object { occluder: true, ..Object::new(bounds) };
+        let infinite = Aabb::new(Vec3::splat(5.0), Vec3::INFINITY);
+        for (object, has_triangles) in [
+            (plain, true),
+            (Object { occluder: false, ..plain }, true),
+            (Object { layers: 0, ..plain }, true),
+            (Object { never_cull: true, ..plain }, true),
+            (Object { bounds: infinite, ..plain }, true),
+            (plain, false),
+        ] {
+            let id = scene.insert(object);
+            if has_triangles {
+                scene.set_triangles(id, [[5.0, 5.5, 6.0].map(Vec3::splat)]).unwrap();
+            }
+        }
+        let found: Vec<String> = (0..7).map(|index| format!("{:?}", sampled(&scene, index))).collect();
+        let expected = ["Opaque", "SeeThrough", "SeeThrough", "Unknown", "Unknown", "Unknown", "Unknown"];
+        assert_eq!(found, expected, "objects, and an unknown index");
+    }
+
+    #[test]
+    fn eyes_are_in_the_viewcell() {
+        assert_eq!([0, 1, 9].map(|eyes| DegreeSampler::new(eyes).unwrap().eyes()), [1, 1, 9], "eyes");
+        let whole = Viewcell::from_box(DVec3::ZERO, DVec3::ONE);
+        let half = Viewcell { planes: vec![Plane::new(DVec3::X, -0.5)], ..whole.clone() };
+        for cell in [whole, half] {
+            let all: Vec<Option<DVec3>> = eyes(&cell, 9).collect();
+            assert_eq!(all.len(), 9, "eyes of {cell:?}");
+            assert!(all.iter().flatten().filter(|&&eye| cell.contains(eye)).count() == 9, "{all:?}");
+        }
+        let empty = Viewcell::from_box(DVec3::ONE, DVec3::ZERO);
+        assert_eq!(eyes(&empty, 2).collect::<Vec<_>>(), [None; 2], "eyes of an empty viewcell");
+    }
 }

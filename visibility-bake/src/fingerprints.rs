@@ -72,3 +72,18 @@ pub(crate) fn with_viewcell(hash: Fingerprint, cell: &Viewcell) -> Fingerprint {
     let hash = vector(vector(hash, cell.min), cell.max).with(cell.planes.len() as u32);
     cell.planes.iter().fold(hash, |hash, plane| vector(hash, plane.normal).with_u64(plane.offset.to_bits()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cache must not answer for other settings: a clearance hides more than none.
+    #[test]
+    fn hashes_of_other_settings_differ() {
+        let hash = |settings: SandwichSettings| with_settings(Fingerprint::new(), &settings).value();
+        let settings = SandwichSettings::default();
+        for other in [settings.with_clearance(0.0), settings.with_gap(0.0), settings.with_rays(1)] {
+            assert_ne!(hash(other), hash(settings), "{other:?}");
+        }
+    }
+}

@@ -79,3 +79,56 @@ impl FoundCell {
         Ok(Self { sandwich, times, group, record, cost, is_reused, is_skipped, is_cut, next })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::binary_format::Format;
+
+    const EXAMPLE: Format = Format { magic: *b"EXAMPLE.", version: 1 };
+
+    fn found(next: u32, left: &[u32]) -> FoundCell {
+        FoundCell {
+            sandwich: CellSandwich::default(),
+            times: MethodTimes::default(),
+            group: Arc::default(),
+            record: CellRecord { left: left.to_vec(), answers: vec![0; left.len()], ..CellRecord::default() },
+            cost: 5,
+            is_reused: false,
+            is_skipped: false,
+            is_cut: false,
+            next,
+        }
+    }
+
+    #[test]
+    fn a_stage_is_passed_unless_it_was_left_out() {
+        let swept = found(SWEEP + 1, &[]);
+        assert_eq!([0, 1, 2].map(|stage| swept.has_passed(stage)), [true, true, false], "two stages done");
+        assert!(!swept.is_done() && found(STAGES as u32, &[]).is_done(), "all stages done");
+        assert!(swept.is_whole(), "nothing was left out");
+        let skipped = FoundCell { is_skipped: true, ..swept.clone() };
+        assert!(skipped.has_passed(GROUP) && !skipped.has_passed(SWEEP), "the sweep was left out");
+        let group = Arc::new(GroupRecord { is_cut: true, ..GroupRecord::default() });
+        let cut = FoundCell { group, ..swept.clone() };
+        assert!(!cut.has_passed(GROUP) && cut.has_passed(SWEEP), "the sweep of the group was left out");
+        let searched = FoundCell { is_cut: true, ..swept };
+        for (number, found) in [skipped, cut, searched].iter().enumerate() {
+            assert!(!found.is_whole(), "something was left out of result {number}");
+        }
+    }
+
+    #[test]
+    fn results_are_read_as_written_and_forged_ones_are_refused() {
+        let read = |found: &FoundCell, left: usize| {
+            let mut to = Writer::new(EXAMPLE, 0, 0);
+            found.save(&mut to);
+            let bytes = to.finish();
+            FoundCell::load(&mut Reader::new(&bytes, EXAMPLE).unwrap(), Arc::default(), 9, left).ok()
+        };
+        let done = found(STAGES as u32, &[1, 4]);
+        assert_eq!(read(&done, 5).as_ref(), Some(&done), "the result as written");
+        assert_eq!(read(&done, 4), None, "an object that the group has not left");
+        assert_eq!(read(&found(STAGES as u32 + 1, &[]), 5), None, "an unknown stage");
+    }
+}

@@ -356,6 +356,12 @@ mod tests {
                 "a walk to {far}"
             );
         }
+        let begun_nowhere = grid.over(DVec3::NAN, DVec3::ZERO);
+        assert_eq!(begun_nowhere, Err(GridError::TooMany), "a box from NaN");
+        for origin in [f64::NAN, f64::INFINITY] {
+            let grid = Grid::new(DVec3::splat(origin), DVec3::ONE);
+            assert_eq!(grid, Err(GridError::Size), "an origin at {origin}");
+        }
         // Boxes of half a metre, in a cube of 2^25 m that begins at the grid's origin.
         let (grid, far) =
             (Grid::new(DVec3::ZERO, DVec3::splat(0.5)).unwrap(), DVec3::splat(f64::from(1 << 25)));
@@ -377,6 +383,9 @@ mod tests {
         let stopped = grid.with_stop(|| true).along(&[DVec3::ZERO, DVec3::splat(1024.0)]);
         assert_eq!(stopped, Err(GridError::Stopped), "a walk that is stopped");
         assert_eq!(grid.with_stop(|| true), grid, "a stop is no part of a grid");
+        let limit = Grid::LIMIT as u128;
+        assert_eq!(Grid::check_count(limit), Ok(()), "as many viewcells as are kept");
+        assert!(Grid::check_count(limit + 1).is_err(), "a viewcell too many");
         for size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert_eq!(
                 Grid::new(DVec3::ZERO, DVec3::splat(size)),

@@ -681,4 +681,25 @@ mod tests {
             assert_eq!(forged.replay(&level.tree), None, "forgery {number} of a whole sweep");
         }
     }
+
+    /// Distances of a box of 1 m from viewcells beside it, and from those that have none.
+    #[test]
+    fn distances_are_between_the_nearest_points() {
+        let (bounds, origin) = (Aabb::from_arrays([0.0; 3], [1.0; 3]), DVec3::splat(10.0));
+        let cell = |min: [f64; 3], max: [f64; 3]| {
+            let [min, max] = [min, max].map(|p| origin + DVec3::from_array(p));
+            Viewcell::from_box(min, max)
+        };
+        for (min, max, expected) in [
+            ([0.25; 3], [0.5; 3], 0.0),
+            ([1.0; 3], [2.0; 3], 0.0),
+            ([3.0, 0.0, 0.0], [4.0, 1.0, 1.0], 2.0),
+            ([-4.0, 0.0, 0.0], [-2.0, 1.0, 1.0], 2.0),
+            ([4.0, -6.0, 0.0], [9.0, -4.0, 1.0], 5.0),
+            ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3], 0.0),
+            ([f64::NAN; 3], [f64::NAN; 3], 0.0),
+        ] {
+            assert_eq!(distance(&bounds, &cell(min, max), origin), expected, "{min:?} to {max:?}");
+        }
+    }
 }

@@ -207,4 +207,30 @@ mod tests {
             assert_eq!(count_classes(cut_off, 400), None, "{cut_off:?}");
         }
     }
+
+    #[test]
+    fn no_later_object_of_a_class_is_beyond_the_limit() {
+        let bytes = class_bytes(&[vec![3, 9]]);
+        assert_eq!([10, 9].map(|limit| count_classes(&bytes, limit)), [Some(1), None], "an object 9");
+        let same = class_bytes(&[vec![3], vec![3]]);
+        assert_eq!(count_classes(&same, 9), None, "an object in two classes");
+    }
+
+    /// Random rows come back from their classes, whatever the order of the classes.
+    #[test]
+    fn rows_are_those_of_their_classes() {
+        let mut random = visibility_testing::Random(3);
+        for round in 0..40 {
+            let rows: Vec<Vec<u32>> =
+                (0..random.below(90)).map(|_| (0..30).filter(|_| random.one_in(3)).collect()).collect();
+            let (classes, by_class) = classes(&rows, 30);
+            for (row, of) in rows.iter().zip(&by_class) {
+                let mut found: Vec<u32> =
+                    of.iter().flat_map(|&class| classes[class as usize].iter().copied()).collect();
+                found.sort_unstable();
+                assert_eq!(&found, row, "round {round}: a row from its classes");
+                assert!(of.is_sorted(), "round {round}: classes of a row ascend");
+            }
+        }
+    }
 }

@@ -106,7 +106,7 @@ pub(crate) fn bounds_fingerprint(origin: DVec3, objects: impl IntoIterator<Item 
 mod tests {
     use super::*;
     use visibility_core::glam::{DAffine3, DMat3, Vec3};
-    use visibility_core::scene::SharedTriangles;
+    use visibility_core::scene::{SharedTriangles, Triangle};
 
     /// A face in the plane y = 0, turned into it by a transform: its rounded corners are some micrometres
     /// before the flat box that was given, and far before it as seen from a box without thickness.
@@ -131,5 +131,36 @@ mod tests {
         let copy = part.insert(facts.enlarged_object());
         let corners: Vec<[Vec3; 3]> = scene.triangles(id).unwrap().iter().collect();
         assert_eq!(part.set_triangles(copy, corners), Ok(()), "the triangles of a part");
+    }
+
+    /// Bounds hold triangles and meshes that reach out of those given by rounding. A mesh that reaches out
+    /// farther and corners that are not finite count for nothing.
+    #[test]
+    fn bounds_hold_what_reaches_out_by_rounding() {
+        let given = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+        let out = 1f32.next_up();
+        let facts = |triangles: &[Triangle], size: f32| {
+            let mesh = OccluderMesh::from_indexed(&given.corners(), &OccluderMesh::CUBOID).unwrap();
+            let transform = Affine3A::from_scale(Vec3::splat(size));
+            ObjectFacts::new(0, &Object::new(given), triangles.into(), Some((&mesh, transform)))
+        };
+        let corners = [Vec3::ZERO, Vec3::X * out, Vec3::Y];
+        assert_eq!(facts(&[corners], 1.0).bounds.max.x, out, "a corner outside by rounding");
+        assert!(facts(&[], out).bounds.max.cmpge(Vec3::splat(out)).all(), "a mesh outside by rounding");
+        assert!(facts(&[], 2.0).bounds.max.cmplt(Vec3::splat(1.5)).all(), "a mesh outside by a metre");
+        let wrong = [Vec3::ZERO, Vec3::NAN, Vec3::INFINITY];
+        let found = facts(&[wrong], 1.0);
+        assert!(found.bounds.is_finite() && found.given == given, "corners that are not finite");
+        assert_eq!([found.triangles, found.weight() as u32], [1, 5], "one triangle");
+        assert_eq!(found.enlarged_object().bounds, found.bounds, "the bounds of the object");
+        let is_unculled =
+            |object: Object| ObjectFacts::new(0, &object, Default::default(), None).is_unculled();
+        assert!(!is_unculled(Object::new(given)), "an object");
+        assert!(
+            is_unculled(Object { never_cull: true, ..Object::new(given) }),
+            "an object that is never culled"
+        );
+        let infinite = Aabb::new(Vec3::ZERO, Vec3::INFINITY);
+        assert!(is_unculled(Object::new(infinite)), "an object whose bounds are not finite");
     }
 }

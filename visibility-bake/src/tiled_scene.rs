@@ -444,4 +444,79 @@ mod tests {
             }
         }
     }
+
+    /// Objects of a level in a file occlude if they are flagged so, can be culled, and have certain fronts or
+    /// none.
+    #[test]
+    fn only_certain_occluders_of_a_level_in_a_file_occlude() {
+        use visibility_core::glam::{DAffine3, Vec3};
+        use visibility_core::scene::SharedTriangles;
+        let path = std::env::temp_dir().join(format!("visibility-flags-{}", std::process::id()));
+        let bounds = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+        let corners = bounds.corners();
+        let mesh = OccluderMesh::from_indexed(&corners, &OccluderMesh::CUBOID).unwrap();
+        let leaf = SharedTriangles::from([[Vec3::ZERO, Vec3::Y, Vec3::Z]]);
+        let flat = leaf.placed(DAffine3::from_scale(DVec3::new(0.0, 1.0, 1.0)));
+        assert!(!flat.view().has_certain_fronts(), "fronts of a flattened leaf");
+        let mut writer = TiledScene::writer(&path, DVec3::ZERO).unwrap();
+        let plain = Object { occluder: true, ..Object::new(bounds) };
+        let infinite = Aabb::new(Vec3::ZERO, Vec3::INFINITY);
+        // Object, whether its triangles have uncertain fronts, and whether it occludes and is one-sided.
+        let all = [
+            (plain, false, [true, false]),
+            (Object { occluder: false, ..plain }, false, [false, false]),
+            (Object { never_cull: true, ..plain }, false, [false, false]),
+            (Object { bounds: infinite, ..plain }, false, [false, false]),
+            (Object { one_sided: true, ..plain }, false, [true, true]),
+            (Object { one_sided: true, ..plain }, true, [false, false]),
+            (plain, true, [true, false]),
+        ];
+        for (object, is_flat, _) in &all {
+            let triangles = if *is_flat { flat.view() } else { leaf.view() };
+            writer.push(object, triangles, Some((&mesh, Affine3A::IDENTITY))).unwrap();
+        }
+        let level = writer.finish(1 << 30, 0).unwrap();
+        let numbers: Vec<u32> = (0..all.len() as u32).collect();
+        let scene = level.scene_with_meshes(&numbers, []).unwrap();
+        for (number, (id, (_, _, expected))) in scene.ids().zip(&all).enumerate() {
+            let object = scene.object(id).unwrap();
+            assert_eq!([object.occluder, object.one_sided], *expected, "flags of object {number}");
+            assert_eq!(scene.occluder(id).is_some(), expected[0], "the mesh of object {number}");
+        }
+        assert!(level.is_in_file() && !level.may_be_copied(), "a level in a file is not copied");
+    }
+
+    /// A box next to an object's bounds has the object if they touch, on each side.
+    #[test]
+    fn scenes_around_boxes_have_what_touches_them() {
+        let mut scene = Scene::new();
+        scene.insert(Aabb::from_arrays([5.0; 3], [6.0; 3]));
+        scene.insert(Aabb::from_arrays([90.0; 3], [f32::INFINITY; 3]));
+        let level = TiledScene::new(&scene);
+        let count = |min: DVec3, max: DVec3| level.with_scene_around(min, max, |part| part.len()).unwrap();
+        for axis in 0..3 {
+            for (low, high, expected) in [(6.0, 7.0, 2), (6.001, 7.0, 1), (4.0, 5.0, 2), (4.0, 4.999, 1)] {
+                let (mut min, mut max) = (DVec3::splat(5.5), DVec3::splat(5.5));
+                (min[axis], max[axis]) = (low, high);
+                assert_eq!(count(min, max), expected, "axis {axis}: from {low} to {high}");
+            }
+        }
+    }
+
+    /// A level in memory may be copied if it has no more triangles than a search may copy.
+    #[test]
+    fn small_levels_may_be_copied() {
+        let mut scene = Scene::new();
+        let bounds = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+        let corners = bounds.corners();
+        let sides = OccluderMesh::CUBOID.map(|side| side.map(|at| corners[at as usize]));
+        let id = scene.insert(bounds);
+        scene.set_triangles(id, sides).unwrap();
+        let mut level = TiledScene::new(&scene);
+        assert_eq!(level.most_copied, MAX_COPIED, "triangles that a search may copy");
+        for (most, expected) in [(12, true), (11, false)] {
+            level.most_copied = most;
+            assert_eq!(level.may_be_copied(), expected, "12 triangles of {most}");
+        }
+    }
 }

@@ -200,3 +200,86 @@ impl Drop for Working<'_> {
         self.0.working.fetch_sub(1, Relaxed);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn clock() -> Duration {
+        Duration::from_secs(1000)
+    }
+
+    fn assert_near(found: Option<Duration>, seconds: f64, what: &str) {
+        let found = found.map_or(f64::INFINITY, |found| found.as_secs_f64());
+        assert!((found - seconds).abs() < 1e-6, "{what}: {found} s instead of {seconds}");
+    }
+
+    /// A bake of 100 seconds from second 1000 on.
+    #[test]
+    fn time_is_divided_among_stages_and_viewcells() {
+        let mut plan = TimePlan::new();
+        plan.set_clock(clock);
+        assert!(!plan.is_limited() && !plan.is_past(GROUP, clock()) && !plan.is_over(None), "no limit");
+        assert_eq!(
+            [plan.end_of_sweep(SWEEP, 1, 2), plan.share_of_search(2)],
+            [None; 2],
+            "shares of no limit"
+        );
+        plan.limit(Duration::from_secs(100));
+        assert!(plan.is_limited(), "a limit");
+        for (stage, end) in [(GROUP, 1070), (SWEEP, 1085), (LOOK, 1100), (BOXES, 1100)] {
+            let is_past = [end - 1, end].map(|now| plan.is_past(stage, Duration::from_secs(now)));
+            assert_eq!(is_past, [false, true], "a second before the end of stage {stage}, and at it");
+        }
+        let is_over = [1000, 1001].map(|end| plan.is_over(Some(Duration::from_secs(end))));
+        assert_eq!(is_over, [true, false], "an end now and in a second");
+        for (viewcells, waiting, share) in
+            [(1, 2, 0.5), (1, 100, 0.25), (3, 4, 0.75), (3, 0, 1.0), (0, 0, 0.25)]
+        {
+            let end = plan.end_of_sweep(SWEEP, viewcells, waiting);
+            assert_near(end, 1000.0 + 85.0 * share, &format!("a sweep for {viewcells} of {waiting}"));
+        }
+        assert_near(plan.share_of_search(4), 0.5, "a search that no thread works on");
+        plan.end_round();
+        let working = plan.begin();
+        for (number, share) in [0.25, 1.0 / 3.0, 0.5, 1.0, 1.0].into_iter().enumerate() {
+            assert_near(plan.share_of_search(4), 100.0 * share, &format!("search {number} of four"));
+        }
+        drop(working);
+        plan.end_round();
+        let _working = [plan.begin(), plan.begin(), plan.begin()];
+        assert_near(plan.share_of_search(2), 100.0, "three threads at two searches");
+    }
+
+    #[test]
+    fn the_longest_limit_is_that_of_every_longer_one() {
+        let mut plan = TimePlan::new();
+        plan.limit(Duration::MAX);
+        let is_past = [LONGEST - Duration::from_secs(1), LONGEST].map(|now| plan.is_past(LOOK, now));
+        assert_eq!(is_past, [false, true], "a second before the end, and at it");
+    }
+
+    #[test]
+    fn groups_that_hide_little_are_left_out_of_a_limited_bake() {
+        for (hidden, is_limited, expected) in [(49, true, true), (50, true, false), (49, false, false)] {
+            let mut plan = TimePlan::new();
+            if is_limited {
+                plan.limit(Duration::from_secs(9));
+            }
+            (0..3).for_each(|_| plan.note_group(100, 0));
+            assert!(!plan.leaves_groups_out(), "after three groups");
+            plan.note_group(100, hidden);
+            assert_eq!(plan.leaves_groups_out(), expected, "{hidden} of 400 objects, limited: {is_limited}");
+        }
+    }
+
+    #[test]
+    fn a_stage_whose_time_is_over_is_put_off_once() {
+        let plan = TimePlan::new();
+        assert!(!plan.is_put_off(GROUP as usize) && !plan.is_put_off(STAGES), "in time, and no stage");
+        assert!(plan.end(GROUP) && plan.end(GROUP), "items of the present round are left undone");
+        assert!(plan.is_put_off(GROUP as usize), "the stage in the next round");
+        assert!(!plan.end(GROUP), "items that were put off are worked on");
+        assert!(!plan.is_put_off(SWEEP as usize), "another stage");
+    }
+}

@@ -345,4 +345,94 @@ mod tests {
         assert_eq!(divided, [2, 3, 0, 0], "viewcells divided at each depth: 2 become 4, then 7");
         assert!(fit.is_done(), "no viewcell is waiting");
     }
+
+    /// Returns a result that reports the objects 0, 1 and so on up to `count`.
+    fn open(count: u32) -> CellSandwich {
+        CellSandwich { open: (0..count).collect(), ..CellSandwich::default() }
+    }
+
+    /// The viewcell at the origin is over budget each time, and halved 32 times.
+    #[test]
+    fn division_ends_at_the_greatest_depth() {
+        let cell = Viewcell::from_box(DVec3::ZERO, DVec3::new(2f64.powi(40), 1.0, 1.0));
+        let mut fit = ViewcellFit::new(ViewcellBudget::new(1, DVec3::X * 1e-300), [cell]);
+        let mut divided = 0;
+        while !fit.is_done() {
+            let found: Vec<_> = fit.waiting().map(|cell| open(1 + u32::from(cell.min.x == 0.0))).collect();
+            divided += fit.take_in(found, |_| 1).divided;
+        }
+        assert_eq!(divided, MAX_DEPTH as usize, "halvings of the viewcell at the origin");
+        let (cells, found) = fit.finish(|_| 1);
+        let ends: Vec<f64> = cells.iter().map(|cell| cell.min.x).collect();
+        // The halves that are within the budget see the same, and are merged.
+        assert_eq!(ends, [0.0, 256.0], "viewcells from low to high");
+        assert_eq!((&found[0].open[..], &found[1].open[..]), (&[0, 1][..], &[0][..]), "their sets");
+    }
+
+    /// Costs equal to the budget are within it, and halves as large as the least size are allowed.
+    #[test]
+    fn limits_are_included() {
+        let cell = |x: f64| Viewcell::from_box(DVec3::X * x, DVec3::new(x + 2.0, 2.0, 2.0));
+        let budget = ViewcellBudget::new(2, DVec3::new(1.0, 0.0, -1.0));
+        let mut fit = ViewcellFit::new(budget, [cell(0.0), cell(2.0)]);
+        let division = fit.take_in([open(2), open(3)], |_| 1);
+        assert_eq!((division.over_budget, division.divided), (1, 1), "costs of 2 and of 3");
+        let halves: Vec<Viewcell> = fit.waiting().collect();
+        assert_eq!([halves[0].max.x, halves[1].min.x], [3.0; 2], "divided across x alone");
+        assert_eq!(fit.take_in([open(3), open(3)], |_| 1).divided, 0, "halves of 1 m");
+        for (size, axis) in [([4.0, 4.0, 4.0], 0), ([4.0, 5.0, 5.0], 1), ([4.0, 4.0, 5.0], 2)] {
+            let cell = Viewcell::from_box(DVec3::ZERO, DVec3::from_array(size));
+            let [low, _] = ViewcellBudget::new(0, DVec3::ONE).halves(&cell).unwrap();
+            assert!(low.max[axis] < size[axis], "a box of {size:?} is divided across axis {axis}");
+        }
+        assert_eq!(budget.halves(&cell(0.0)).map(|[low, _]| low.max.x), Some(1.0), "exactly 1 m");
+        let flat = Viewcell::from_box(DVec3::ONE, DVec3::ONE);
+        assert_eq!(ViewcellBudget::new(0, DVec3::splat(1e-300)).halves(&flat), None, "a point");
+    }
+
+    /// Pairs of viewcells with the numbers of their objects, each of cost 1, a budget and an agreement.
+    #[test]
+    fn neighbours_are_merged_up_to_budget_and_agreement() {
+        let cells = [0.0, 1.0].map(|x| Viewcell::from_box(DVec3::X * x, DVec3::new(x + 1.0, 1.0, 1.0)));
+        for (counts, budget, agreement, is_merged) in [
+            ([4, 4], 9, 0.0, true),
+            ([4, 5], 9, 0.0, false),
+            ([4, 5], 9, -1.0, false),
+            ([4, 4], 9, -1.0, true),
+            ([4, 5], 9, 0.25, true),
+            ([5, 4], 9, 0.25, true),
+            ([4, 5], 9, 0.24, false),
+            ([4, 6], 9, 0.25, false),
+            ([4, 5], 5, 0.25, true),
+            // The common set is over budget, of which one viewcell is not.
+            ([4, 5], 4, 0.25, false),
+            ([4, 5], 3, 0.25, true),
+        ] {
+            let limits = ViewcellBudget::new(budget, DVec3::ZERO).with_agreement(agreement);
+            let mut fit = ViewcellFit::new(limits, cells.clone());
+            let of = |count: u32, swept: u32| CellSandwich { swept, proven: swept, ..open(count) };
+            fit.take_in([of(counts[0], 7), of(counts[1], 3)], |_| 1);
+            let (cells, found) = fit.finish(|_| 1);
+            assert_eq!(cells.len() == 1, is_merged, "{counts:?}, {budget}, {agreement}");
+            if is_merged {
+                assert_eq!([cells[0].min.x, cells[0].max.x], [0.0, 2.0], "the union of the boxes");
+                assert_eq!(found[0].open.len() as u32, counts[0].max(counts[1]), "the union of the sets");
+                assert_eq!([found[0].swept, found[0].proven], [3; 2], "objects hidden from both at most");
+            }
+        }
+        // Four objects are seen from each viewcell, and five from both together.
+        for (agreement, count) in [(0.24, 2), (0.25, 1)] {
+            let limits = ViewcellBudget::new(9, DVec3::ZERO).with_agreement(agreement);
+            let mut fit = ViewcellFit::new(limits, cells.clone());
+            let other = CellSandwich { open: (1..5).collect(), ..CellSandwich::default() };
+            fit.take_in([open(4), other], |_| 1);
+            assert_eq!(fit.finish(|_| 1).0.len(), count, "sets of four, with an agreement of {agreement}");
+        }
+        // An object that is seen in one and open in the other is seen.
+        let mut fit = ViewcellFit::new(ViewcellBudget::new(9, DVec3::ZERO), cells);
+        let seen = CellSandwich { seen: vec![0, 1], ..CellSandwich::default() };
+        fit.take_in([open(2), seen], |_| 1);
+        let (_, found) = fit.finish(|_| 1);
+        assert_eq!((&found[0].seen[..], found[0].open.len()), (&[0, 1][..], 0), "seen and open");
+    }
 }

@@ -419,6 +419,8 @@ mod tests {
             assert!(Reader::new(&bytes, FORMAT).is_err(), "byte {i}");
             assert!(Reader::new(&good[..i], FORMAT).is_err(), "{i} bytes");
         }
+        let empty = Writer::new(FORMAT, 5, 0).finish();
+        assert!(Reader::new(&empty, FORMAT).is_ok_and(|reader| reader.end().is_ok()), "a header alone");
         let longer = [&good[..], &[0]].concat();
         assert_eq!(
             Reader::new(&longer, FORMAT).unwrap_err(),

@@ -77,8 +77,8 @@ pub fn object_hash<'a>(
 mod tests {
     use super::*;
     use crate::Aabb;
-    use crate::scene::DrawRange;
-    use glam::Vec3;
+    use crate::scene::{DrawRange, SharedTriangles};
+    use glam::{DAffine3, Vec3};
 
     /// Makes a scene of one object, which `change` may change, and returns its version.
     fn hash(change: impl Fn(&mut Scene, ObjectId)) -> u64 {
@@ -152,6 +152,13 @@ mod tests {
             scene.set_draw_range(id, DrawRange { end: 9.0, ..DrawRange::ALWAYS }).unwrap();
         });
         assert_eq!([parent, child, ranged], [none; 3], "HLOD parent, child, object with a draw range");
+        for never_cull in [false, true] {
+            let mut scene = Scene::new();
+            let bounds = Aabb::from_arrays([1.0; 3], [2.0; 3]);
+            let id = scene.insert(Object { occluder: true, never_cull, ..Object::new(bounds) });
+            let (object, _) = level_object(&scene, id).unwrap();
+            assert_eq!(object.occluder, !never_cull, "an occluder, never culled: {never_cull}");
+        }
         // The draw range of an object that is no occluder is not part of the version.
         let target = hash(|scene, id| {
             scene.set_occluder(id, false).unwrap();
@@ -159,5 +166,38 @@ mod tests {
             scene.set_draw_range(other, DrawRange { end: 9.0, ..DrawRange::ALWAYS }).unwrap();
         });
         assert_eq!(target, none, "draw ranges of other objects are no part of the level");
+    }
+
+    #[test]
+    fn a_one_sided_occluder_stays_one_if_its_front_is_certain() {
+        let mut scene = Scene::new();
+        let leaf = SharedTriangles::from([[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+        for (one_sided, height, expected) in [
+            (true, 1.0, [true, true]),
+            (true, -1.0, [true, true]),
+            (true, 0.0, [false, false]),
+            (false, 1.0, [true, false]),
+            (false, 0.0, [true, false]),
+        ] {
+            let bounds = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+            let id = scene.insert(Object { occluder: true, one_sided, ..Object::new(bounds) });
+            let placement = DAffine3::from_scale(DVec3::new(1.0, 1.0, height));
+            scene.set_triangles(id, leaf.placed(placement)).unwrap();
+            let (object, _) = level_object(&scene, id).unwrap();
+            let found = [object.occluder, object.one_sided];
+            assert_eq!(found, expected, "occluder, one-sided: {one_sided}, scaled by {height}");
+        }
+    }
+
+    #[test]
+    fn glass_is_another_object_only_as_an_occluder() {
+        let bounds = Aabb::from_arrays([1.0; 3], [2.0; 3]);
+        for occluder in [false, true] {
+            let [opaque, glass] = [false, true].map(|see_through| {
+                let object = Object { occluder, see_through, ..Object::new(bounds) };
+                object_hash(&object, Triangles::default(), None)
+            });
+            assert_eq!(opaque != glass, occluder, "the hash of glass differs, of an occluder: {occluder}");
+        }
     }
 }

@@ -61,3 +61,81 @@ impl TestPlane {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Aabb;
+    use crate::geometry::Plane;
+    use crate::scene::Boxes64;
+    use crate::simd::{Kernels, Simd};
+    use crate::view::MAX_PLANES;
+    use glam::{DVec3, Vec3};
+    use visibility_testing::{Random, sign_of_sum};
+
+    /// Returns whether the kernel finds the point `p` outside a plane, whose offset may be off by `error`.
+    fn is_outside(plane: Plane, error: f64, p: Vec3) -> bool {
+        let mut planes = [TestPlane::EVERYTHING_INSIDE; MAX_PLANES];
+        planes[0] = TestPlane::new(&ViewPlane { plane, error });
+        let mut boxes = Boxes64::EMPTY;
+        boxes.set(0, &Aabb::new(p, p));
+        Simd::PORTABLE.any_outside(&boxes, &planes, 1) & 1 != 0
+    }
+
+    /// Planes that pass a point by less than a rounding of `f64`, of normals and points whose coordinates are
+    /// of unlike magnitudes.
+    #[test]
+    fn a_point_on_a_plane_is_not_outside() {
+        let mut rng = Random(1);
+        for case in 0..20_000 {
+            let mut normal = rng.direction();
+            normal[rng.below(3)] *= 2f64.powi(rng.between(-40, 0));
+            let normal = normal.normalize();
+            let size = 2f64.powi(rng.between(-60, 60));
+            let mut p = rng.fine_vector(size);
+            p[rng.below(3)] *= 2f64.powi(rng.between(-30, 0));
+            let (p, error) = (p.as_vec3(), rng.pick(&[0.0, 1e-3, 1e3]) * size);
+            let mut offset = -normal.dot(p.as_dvec3()) - error;
+            let side = |offset: f64| {
+                let products = normal.to_array().into_iter().zip(p.as_dvec3().to_array());
+                sign_of_sum(products.chain([(offset, 1.0), (error, 1.0)]))
+            };
+            while side(offset) < 0 {
+                offset = offset.next_up();
+            }
+            let plane = Plane::new(normal, offset);
+            assert!(!is_outside(plane, error, p), "case {case}: {p} on {plane:?}, error {error}");
+            // A point further beyond than all roundings together is outside.
+            let beyond = 64.0 * f64::from(f32::EPSILON) * (offset.abs() + error + size * 2.0);
+            let plane = Plane::new(normal, offset - beyond);
+            assert!(is_outside(plane, error, p), "case {case}: {p} beyond {plane:?}, error {error}");
+        }
+    }
+
+    /// Components of a normal that `f32` cannot hold, at points so far away that they decide.
+    #[test]
+    fn tiny_components_of_a_normal_count() {
+        let (far, tiny) = (2f32.powi(127), 2f64.powi(-152));
+        for axis in 0..3 {
+            for sign in [1.0, -1.0] {
+                let (mut normal, mut p) = (DVec3::ZERO, Vec3::ZERO);
+                (normal[axis], p[axis]) = (sign * tiny, sign as f32 * far);
+                normal[(axis + 1) % 3] = 1.0;
+                // The point is 2^-25 m from the plane without its offset.
+                let plane = Plane::new(normal, -2f64.powi(-26));
+                assert!(!is_outside(plane, 0.0, p), "{p} is before {plane:?} by 2^-26 m");
+            }
+        }
+    }
+
+    /// Products that underflow: three steps of the least number along each axis are 5.2 of them along the
+    /// normal, but each product, a quarter of that, is rounded to zero.
+    #[test]
+    fn products_that_underflow_count() {
+        let least = f64::from(f32::from_bits(1));
+        let p = Vec3::splat(f32::from_bits(3));
+        let plane = Plane::new(DVec3::splat(1.0 / 3f64.sqrt()), -5.0 * least);
+        assert!(plane.normal.dot(p.as_dvec3()) > 5.0 * least, "the point is inside");
+        assert!(!is_outside(plane, 0.0, p), "a point before a plane by a fifth of the least number");
+    }
+}

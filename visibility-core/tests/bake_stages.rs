@@ -3,7 +3,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use visibility_core::bake::{Bake, Baker};
-use visibility_core::binary_format::{FormatError, Reader, Writer};
+use visibility_core::binary_format::{Format, FormatError, Reader, Writer};
 
 /// A baker of sums: the result of an item is its own number plus the sum of the results of the stage before.
 #[derive(Clone)]
@@ -124,4 +124,39 @@ fn items_that_were_left_undone_come_first_whether_or_not_the_order_is_fixed() {
     assert_eq!(orders[0].len(), 100, "all items are done in the end");
     assert!(!orders[0].is_sorted_by_key(|item| (item % 3, 100 - item)), "some items are done late");
     assert_eq!(orders[0], orders[1], "the order with and without a fixed one");
+}
+
+#[test]
+fn no_item_is_begun_after_a_pause_or_a_stop() {
+    for is_order_fixed in [false, true] {
+        let mut bake = Bake::new(Sums::new(is_order_fixed));
+        for (pauses, stops) in [(true, false), (false, true), (true, true)] {
+            bake.advance_unless(|| pauses, || stops);
+            assert_eq!(bake.progress().done, 0, "items done, pause {pauses}, stop {stops}");
+        }
+        bake.advance_unless(|| false, || false);
+        assert_eq!(bake.progress().done, 16, "items done in a round without a pause or a stop");
+    }
+}
+
+#[test]
+fn a_state_whose_waiting_items_make_no_sense_is_refused() {
+    const FORMAT: Format = Format { magic: *b"VISIBAKE", version: 4 };
+    let resumed = |waiting: &[u32]| {
+        let mut state = Writer::new(FORMAT, 0, 7);
+        state.u64(0);
+        state.u32(waiting.len() as u32);
+        state.u32s(waiting.iter().copied());
+        Sums::new(false).save(&mut state);
+        Bake::resume(Sums::new(false), &state.finish()).map(|bake| bake.progress().done)
+    };
+    for (waiting, done) in [(&[][..], 100), (&[0], 99), (&[3, 4, 99], 97)] {
+        assert_eq!(resumed(waiting), Ok(done), "items done where {waiting:?} wait");
+    }
+    for waiting in [&[100][..], &[3, 100], &[3, 3], &[4, 3], &[u32::MAX]] {
+        let problem = "the items that wait are unknown or out of order";
+        let is_refused =
+            |error| matches!(error, FormatError::Content { problem: said, .. } if said == problem);
+        assert!(resumed(waiting).is_err_and(is_refused), "{waiting:?} wait");
+    }
 }

@@ -10,6 +10,7 @@ use visibility_core::{
     occlusion::{HardwareQueries, LateAnswers, Occlusion, OcclusionMap, QueryDevice},
     pipeline::Explanation,
     pvs::{Pvs, PvsCuller, PvsTargets, ScenePvs, Viewcell, Viewcells},
+    scene::DrawRange,
 };
 
 fn looking(target: DVec3) -> View {
@@ -323,6 +324,62 @@ fn a_pipeline_reports_stages_that_hide_behind_what_is_too_small() {
     }
     let shut = lacks(&Scene::new(), vec![by_size(true), baked()]);
     assert!(shut.iter().all(|line| !line.contains("too small")), "an empty scene: {shut:?}");
+}
+
+/// A culler that follows draw ranges.
+struct ByRange;
+
+impl Culler for ByRange {
+    fn name(&self) -> &str {
+        "by range"
+    }
+
+    fn accuracy(&self) -> Accuracy {
+        Accuracy::Conservative
+    }
+
+    fn follows_draw_ranges(&self) -> bool {
+        true
+    }
+
+    fn cull(&mut self, scene: &Scene, _: &View, visible: &mut VisibleSet) -> CullStats {
+        visible.retain(scene, |_, _| true)
+    }
+}
+
+/// Tests that a pipeline says which stage hides behind objects before a later one removes them by their draw
+/// range, and that no stage follows draw ranges.
+#[test]
+fn a_pipeline_reports_stages_that_hide_before_draw_ranges_are_followed() {
+    type Stage = fn() -> Box<dyn Culler + Send + Sync>;
+    let occlusion: Stage = || {
+        let map = HardwareQueries::new(Counter::default(), LateAnswers::Visible);
+        Box::new(OcclusionCuller::new(map))
+    };
+    let (frustum, by_range): (Stage, Stage) = (|| Box::new(FrustumCuller::new()), || Box::new(ByRange));
+    let early = "hardware queries: occluders that hide others before a later stage may remove them by draw \
+                 range or size: 1";
+    let none = "pipeline: objects with a draw range that no stage follows: 1";
+    for (occluder, stages, expected) in [
+        (true, &[occlusion, by_range][..], &[early][..]),
+        (true, &[by_range, occlusion, by_range], &[early]),
+        (true, &[by_range, occlusion], &[]),
+        (true, &[frustum, by_range], &[]),
+        (false, &[occlusion, by_range], &[]),
+        (true, &[occlusion], &[none]),
+        (true, &[], &[none]),
+    ] {
+        let mut scene = Scene::new();
+        scene.insert(Object { occluder, ..Object::new(cube(10.0, 0.0)) });
+        let ranged = scene.insert(cube(20.0, 0.0));
+        scene.set_draw_range(ranged, DrawRange { end: 9.0, ..DrawRange::ALWAYS }).unwrap();
+        let mut pipeline = Pipeline::new();
+        stages.iter().for_each(|stage| pipeline.push(stage()));
+        let mut lacks = Vec::new();
+        pipeline.for_each_lack(&scene, |stage, lack| lacks.push(format!("{stage}: {lack}")));
+        lacks.retain(|lack| lack.contains("range"));
+        assert_eq!(lacks, expected, "{pipeline:?}, occluder {occluder}");
+    }
 }
 
 /// A device that answers in the next frame whether a box is on the side of x that the camera looks to.

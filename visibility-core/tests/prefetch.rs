@@ -140,7 +140,9 @@ fn numbers_that_make_no_sense_find_nothing() {
     );
     for wrong in [f64::NAN, f64::INFINITY, -1.0] {
         assert!(prefetch.search(&sets, eye, velocity, wrong, 3.0).is_empty(), "a reach of {wrong}");
+        assert_eq!(prefetch.covered_seconds(), 0.0, "seconds covered with a reach of {wrong}");
         assert!(prefetch.search(&sets, eye, velocity, 0.1, wrong).is_empty(), "{wrong} seconds");
+        assert_eq!(prefetch.covered_seconds(), 0.0, "seconds covered of {wrong}");
         assert!(
             prefetch.search(&sets, eye, velocity * (wrong - 1.0) * f64::MAX, 0.1, 3.0).is_empty(),
             "a velocity that is not finite"
@@ -148,6 +150,7 @@ fn numbers_that_make_no_sense_find_nothing() {
         assert_eq!(prefetch.covered_seconds(), 0.0, "seconds covered by a search that failed");
     }
     assert!(prefetch.search(&sets, DVec3::NAN, velocity, 0.1, 3.0).is_empty(), "an eye that is NaN");
+    assert_eq!(prefetch.covered_seconds(), 0.0, "seconds covered from an eye that is NaN");
     assert!(
         prefetch.search(&sets, eye, DVec3::ZERO, 0.1, 3.0).is_empty(),
         "an eye that stands finds nothing new"

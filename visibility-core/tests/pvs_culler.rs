@@ -410,6 +410,120 @@ fn nothing_is_hidden_from_a_viewcell_with_a_plane_that_is_nan() {
 }
 
 #[test]
+fn an_object_with_a_target_that_the_pvs_lacks_is_never_hidden() {
+    let (scene, ids, pvs, viewcells) = world();
+    for target in [9, 10, 11, u32::MAX] {
+        let shared = ScenePvs::new(&scene, pvs.clone(), viewcells.clone(), [(ids[1], 9), (ids[3], target)]);
+        let found = seen(&mut PvsCuller::new(&shared), &scene, &[ids[1], ids[3]], 2.0);
+        assert_eq!(
+            found,
+            if target < 10 { vec![] } else { vec![1] },
+            "target {target} of 10, {found:?} seen"
+        );
+    }
+}
+
+#[test]
+fn a_named_occluder_that_may_be_absent_or_is_never_culled_hides_nothing() {
+    type Change = fn(&mut Scene, ObjectId);
+    let changes: [(&str, usize, Change); 3] = [
+        ("as it was", 5, |_, _| {}),
+        ("with a draw range", 10, |scene, id| {
+            scene.set_draw_range(id, DrawRange { end: 9e9, ..DrawRange::ALWAYS }).unwrap();
+        }),
+        ("never culled", 10, |scene, id| scene.set_never_cull(id, true).unwrap()),
+    ];
+    for (name, expected, change) in changes {
+        let (mut scene, ids, pvs, viewcells) = world();
+        change(&mut scene, ids[0]);
+        let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
+        let shared = shared.with_occluders(&scene, [ids[0]]);
+        let found = seen(&mut PvsCuller::new(&shared), &scene, &ids, 2.0);
+        assert_eq!(found.len(), expected, "{name}: {found:?} seen");
+    }
+}
+
+#[test]
+fn triangles_that_an_occluder_gets_or_loses_count() {
+    for has_triangles in [false, true] {
+        let (mut scene, ids, pvs, viewcells) = world();
+        scene.set_occluder(ids[0], true).unwrap();
+        let corner = scene.bounds(ids[0]).unwrap().min;
+        let set = |scene: &mut Scene, has_triangles: bool| {
+            let triangle = [corner, corner + Vec3::X, corner + Vec3::Z];
+            scene.set_triangles(ids[0], &[triangle][..usize::from(has_triangles)]).unwrap();
+        };
+        set(&mut scene, has_triangles);
+        let shared = ScenePvs::new(&scene, pvs, viewcells, ids.iter().copied().zip(0..));
+        let mut culler = PvsCuller::new(&shared);
+        assert_eq!(seen(&mut culler, &scene, &ids, 2.0).len(), 5, "triangles {has_triangles}: before");
+        set(&mut scene, !has_triangles);
+        assert_eq!(seen(&mut culler, &scene, &ids, 2.0).len(), 10, "triangles {has_triangles}: after");
+    }
+}
+
+/// An eye with an angle of nearly half a turn, so that the corners of its near plane are uncertain by
+/// nanometres. The viewcell beside the corners counts up to that error.
+#[test]
+fn the_viewcell_that_a_corner_of_the_near_plane_may_be_in_is_seen_from() {
+    use visibility_core::{Culler, view::Eye};
+    let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+    let view = View::perspective(pose, 179.8f64.to_radians(), 1.0, 0.001, 1e3).unwrap();
+    let Eye::Point(eye) = view.eye(DVec3::ZERO) else { panic!("a perspective view has an eye") };
+    let (mut side, mut error) = (f64::NEG_INFINITY, 0.0f64);
+    let known = view.for_each_sight_start(eye, |corners, of_corners| {
+        corners.iter().for_each(|corner| side = side.max(eye.y + corner.y));
+        error = error.max(of_corners);
+    });
+    assert!(known && error > 1e-12 && side < 1.0, "an error of {error} m of corners up to {side} m");
+    for (share, is_seen) in [(0.4, true), (0.9, true), (1.1, false), (2.0, false)] {
+        let middle = side + share * error;
+        let cells = [[-9.0, middle], [middle, 9.0]]
+            .map(|[from, to]| Viewcell::from_box(DVec3::new(-9.0, from, -9.0), DVec3::new(9.0, to, 9.0)));
+        let mut scene = Scene::new();
+        let id = scene.insert(Aabb::from_arrays([20.0; 3], [21.0; 3]));
+        let pvs = Pvs::new(PvsTargets::Objects, 1, &[vec![], vec![0]], |_| []).unwrap();
+        let shared = ScenePvs::new(&scene, pvs, Viewcells::new(cells), [(id, 0)]);
+        let mut visible = VisibleSet::new();
+        visible.fill(&scene, &view);
+        PvsCuller::new(&shared).cull(&scene, &view, &mut visible);
+        assert_eq!(visible.contains(&scene, id), is_seen, "a viewcell {share} errors from the corners");
+    }
+}
+
+#[test]
+fn a_set_that_was_not_compared_is_approximate_and_an_empty_scene_lacks_nothing() {
+    use visibility_core::{Accuracy, Culler};
+    let (mut scene, ids, pvs, viewcells) = world();
+    scene.set_occluder(ids[0], true).unwrap();
+    scene.set_layers(ids[0], 0b01).unwrap();
+    let pairs: Vec<_> = ids.iter().copied().zip(0..).collect();
+    let lacks = |culler: &PvsCuller<&ScenePvs>, scene: &Scene| {
+        let mut lacks = Vec::new();
+        culler.for_each_lack(scene, &mut |lack| lacks.push(lack.to_string()));
+        lacks
+    };
+    for (x, layers) in [(2.0, 0b11), (2.0, 0b10), (50.0, 0b11)] {
+        let shared = ScenePvs::new(&scene, pvs.clone(), viewcells.clone(), pairs.iter().copied());
+        let mut culler = PvsCuller::new(&shared);
+        assert_eq!(culler.accuracy(), Accuracy::Conservative, "sets that are known to be of the scene");
+        let eye = DVec3::new(1e6 + x, 5.0, 0.5);
+        let pose = Pose::look_at(eye, eye + DVec3::X, DVec3::Z);
+        culler.look(&scene, &View::perspective(pose, 2.0, 2.0, 0.1, 1e3).unwrap().with_layers(layers));
+        let expected = usize::from((x, layers) != (2.0, 0b11));
+        assert_eq!(lacks(&culler, &scene).len(), expected, "lacks at x = {x}, layers {layers:#b}");
+        assert!(lacks(&culler, &Scene::new()).is_empty(), "an empty scene, x = {x}, layers {layers:#b}");
+    }
+    for (pairs, expected) in [(&pairs[..], 1), (&[], 0)] {
+        let shared = ScenePvs::new(&scene, pvs.clone(), viewcells.clone(), pairs.iter().copied());
+        let shared = shared.unchecked();
+        let culler = PvsCuller::new(&shared);
+        assert_eq!(culler.accuracy(), Accuracy::Approximate, "sets that may be of another scene");
+        assert_eq!(lacks(&culler, &scene).len(), expected, "lacks of {} objects", pairs.len());
+    }
+}
+
+#[test]
 fn changes_of_an_occluder_count_where_they_matter() {
     type Change = fn(&mut Scene, ObjectId);
     let cuboid = |scene: &mut Scene, id: ObjectId, share: f32| {

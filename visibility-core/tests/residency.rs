@@ -291,6 +291,26 @@ fn a_baked_set_knows_nothing_after_its_occluder_has_changed_or_for_improper_boxe
 }
 
 #[test]
+fn a_point_is_a_box_and_one_without_end_is_none() {
+    let mut scene = Scene::new();
+    let far = scene.insert(Aabb::from_arrays([90.0; 3], [91.0; 3]));
+    let pvs = Pvs::new(PvsTargets::Objects, 1, &[vec![]; 1], |_| []).unwrap();
+    let everywhere = Viewcell::from_box(DVec3::NEG_INFINITY, DVec3::INFINITY);
+    let sets = ScenePvs::new(&scene, pvs, Viewcells::new([everywhere]), [(far, 0)]);
+    let mut culler = PvsCuller::new(&sets);
+    let mut seen = |min, max| seen_from(&scene, &mut culler, [min, max]);
+    assert_eq!(seen(DVec3::ONE, DVec3::ONE), Some(vec![]), "a point");
+    assert_eq!(seen(DVec3::ONE, DVec3::new(1.0, 2.0, 1.0)), Some(vec![]), "a line");
+    for axis in 0..3 {
+        let mut end = DVec3::ONE;
+        end[axis] = f64::INFINITY;
+        assert_eq!(seen(DVec3::ONE, end), None, "without an end along axis {axis}");
+        assert_eq!(seen(-end, DVec3::ONE), None, "without a beginning along axis {axis}");
+        assert_eq!(seen(end, DVec3::INFINITY), None, "beyond everything along axis {axis}");
+    }
+}
+
+#[test]
 fn a_baked_set_knows_nothing_if_an_occluder_may_be_absent() {
     let (mut scene, _, _) = baked(&mut Random(1));
     let wall = scene.id_at(0).unwrap();

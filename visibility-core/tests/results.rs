@@ -413,6 +413,20 @@ fn the_result_of_another_scene_hides_nothing() {
 }
 
 #[test]
+fn objects_that_are_never_culled_are_in_the_result_of_another_scene() {
+    let never = |layers| Object { never_cull: true, layers, ..Object::new(at(5.0, 0.0, 0.0)) };
+    let [mut scene, mut other] = [Scene::new(), Scene::new()];
+    scene.insert(never(2));
+    let mut visible = VisibleSet::new();
+    frustum().cull(&scene, &looking_at(DVec3::X).with_layers(1), &mut visible);
+    assert_eq!(visible.count(&scene), 0, "objects of the scene on the layer of the view");
+    // More blocks of such objects than the first scene has.
+    let ids = other.insert_batch((0..200).map(|_| never(1)));
+    assert!(ids.iter().all(|&id| visible.contains(&other, id)), "an object of the other scene is hidden");
+    assert_eq!(visible.count(&other), 200, "objects of the other scene");
+}
+
+#[test]
 fn sets_are_finished_until_they_are_culled_again() {
     let mut scene = Scene::new();
     let id = scene.insert(at(5.0, 0.0, 0.0));

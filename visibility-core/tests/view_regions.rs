@@ -257,6 +257,50 @@ fn a_culler_of_single_views_culls_in_every_frame() {
     }
 }
 
+/// Keeps everything, with an answer that holds while the flag is set: a door that the engine opens.
+struct Door(std::sync::Arc<std::sync::atomic::AtomicBool>);
+
+impl Culler for Door {
+    fn name(&self) -> &str {
+        "door"
+    }
+
+    fn accuracy(&self) -> visibility_core::Accuracy {
+        visibility_core::Accuracy::Conservative
+    }
+
+    fn cull(&mut self, scene: &Scene, _: &View, visible: &mut VisibleSet) -> visibility_core::CullStats {
+        visible.retain(scene, |_, _| true)
+    }
+
+    fn cull_region(
+        &mut self,
+        _: Option<&dyn visibility_core::jobs::Jobs>,
+        scene: &Scene,
+        _: &ViewRegion,
+        visible: &mut VisibleSet,
+    ) -> Option<visibility_core::CullStats> {
+        Some(visible.retain(scene, |_, _| true))
+    }
+
+    fn answer_holds(&self) -> bool {
+        self.0.load(std::sync::atomic::Ordering::Relaxed)
+    }
+}
+
+#[test]
+fn no_answer_is_kept_once_a_stage_says_that_its_own_does_not_hold() {
+    let is_shut = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(true));
+    let mut world = World::new(Reach::new(0.1, 0.1));
+    world.pipeline.push(Box::new(Door(is_shut.clone())));
+    let at = ahead(0.0, 50.0);
+    assert!(!world.cull(&at) && !world.cull(&at) && world.cull(&at), "kept while the door is shut");
+    is_shut.store(false, std::sync::atomic::Ordering::Relaxed);
+    assert!(!world.cull(&at) && !world.cull(&at), "the door is open");
+    is_shut.store(true, std::sync::atomic::Ordering::Relaxed);
+    assert!(world.cull(&at), "shut again");
+}
+
 /// Frames that keep an answer report that nothing appeared or vanished.
 #[test]
 fn kept_frames_have_no_changes() {

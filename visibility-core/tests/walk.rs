@@ -195,6 +195,20 @@ fn hierarchies_whose_boxes_do_not_hold_what_is_below_are_found_out() {
     assert_eq!(chain([cube(0.0, 2.0); 2], held, Some(0)), Some(Child::Node(0)), "a ring of nodes");
 }
 
+/// A node has blocks of at most 64 children, and none without children.
+#[test]
+fn a_node_without_children_has_no_block() {
+    let bounds = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+    let scene = Scene::new();
+    for (count, expected) in [(0, &[][..]), (1, &[1]), (64, &[64]), (65, &[64, 1]), (128, &[64, 64])] {
+        let objects = vec![(ObjectId::PLACEHOLDER, bounds); count];
+        let chain = Chain { boxes: [bounds; 2], objects, extra: None };
+        let mut blocks = Vec::new();
+        chain.for_each_block(&scene, Some(1), |block| blocks.push(block.occupied().count_ones()));
+        assert_eq!(blocks, expected, "children in each block of {count}");
+    }
+}
+
 /// A degenerate tree: each node lists one object and the next node.
 struct Line(Vec<(ObjectId, Aabb)>);
 

@@ -275,9 +275,9 @@ impl Search<'_> {
         }
         for (&vertex, &(position, sum, count)) in vertices.iter().zip(&sums) {
             let shift = mitre(sum, count, self.clearance);
-            // Without a clearance no corner may move, and a corner of the target triangle never may. The
-            // first open edge is then returned as the obstacle.
-            if self.clearance == 0.0 || self.tag(vertex) < 3 {
+            // Without a clearance no corner may move. The first open edge is then returned as the obstacle.
+            // With one, lines end before the target, and corners of the target may move as any other.
+            if self.clearance == 0.0 {
                 let (t, k) = scratch.open[0];
                 let corners = all.corners(t);
                 return Err([corners[k], corners[(k + 1) % 3]]);
@@ -294,15 +294,18 @@ impl Search<'_> {
                 let [a, b] = ends.map(|end| moved_to(&scratch.moved, numbers[end], corners[end]));
                 let [old_a, old_b] = ends.map(|end| corners[end]);
                 if a == old_a && b == old_b {
+                    // The mitres at both ends of an open edge may be nothing: the edge is the long side of a
+                    // sliver.
+                    if scratch.state(all.edges(t)[k]) & MISSED == 0 {
+                        return Err([a, b]);
+                    }
                     continue;
                 }
-                let mut edge = Edge::new(a, b);
-                edge.tags = ends.map(|end| self.tag(numbers[end]));
                 let strip = [old_a, old_b, b, a];
                 let is_apart = shaft.misses(&strip)
                     || (apart(&strip, &sight.p, &sight.before_p, pad)
                         && apart(&strip, &sight.q, &sight.before_q, pad));
-                if !is_apart || !self.edge_misses(&edge, sight, shaft) {
+                if !is_apart || !self.edge_misses(&Edge::new(a, b), sight, shaft) {
                     return Err([a, b]);
                 }
             }
@@ -418,4 +421,176 @@ pub(crate) fn apart(points: &[DVec3], polygon: &Polygon, plane: &Half, pad: f64)
         separates(plane.normal.cross(along).normalize_or_zero())
             || (0..n).any(|k| separates(along.cross(side(k)).normalize_or_zero()))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::search::{Answer, Budget, NONE};
+    use crate::sight::{CellBox, Target};
+    use crate::triangles::SceneTriangles;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Object, Scene};
+
+    /// A triangle that has a corner of the target is beside the target if its other corners are all on one
+    /// side of the target's plane, farther than the error.
+    #[test]
+    fn triangles_at_a_corner_of_the_target_are_beside_it_if_they_are_on_one_side() {
+        let plane = Half { normal: DVec3::Z, offset: 0.0 };
+        for (tags, heights, is_beside) in [
+            ([0, 3, 3], [0.0, 0.2, 0.3], true),
+            ([3, 1, 3], [-0.2, 0.0, -0.3], true),
+            ([0, 2, 3], [0.0, 0.0, -0.3], true),
+            ([0, 3, 3], [0.0, 0.2, -0.3], false),
+            ([0, 3, 3], [0.0, 0.125, 0.3], false),
+            ([0, 3, 3], [0.0, -0.125, -0.3], false),
+            ([0, 1, 3], [0.0, 0.0, 0.0], false),
+            ([3, 3, 3], [0.2, 0.2, 0.3], false),
+            ([3, 3, 3], [-0.2, -0.2, -0.3], false),
+            ([0, 1, 2], [0.0, 0.0, 0.0], false),
+        ] {
+            let corners = [0, 1, 2].map(|k| DVec3::new(k as f64, (k * k) as f64, heights[k]));
+            let found = touches_from_one_side(&corners, tags, &plane, 0.125);
+            assert_eq!(found, is_beside, "corners {tags:?} at heights {heights:?}");
+        }
+    }
+
+    /// Edges at a corner moved by a mitre move outwards by the clearance, unless the corner is sharp.
+    #[test]
+    fn mitres_move_edges_outwards() {
+        for turn in [0.0, 0.5, 1.0, 2.0, 2.2] {
+            let [a, b] = [DVec3::X, DVec3::new(f64::cos(turn), f64::sin(turn), 0.0)];
+            let shift = mitre(a + b, 2, 0.25);
+            let by = [a, b].map(|out| out.dot(shift));
+            assert!(by.iter().all(|by| (by - 0.25).abs() < 1e-12), "edges at {turn} move by {by:?}");
+        }
+        let sharp = mitre(DVec3::X + DVec3::new(-0.999, f64::sqrt(1.0 - 0.999 * 0.999), 0.0), 2, 0.25);
+        assert!((sharp.length() - 0.625).abs() < 1e-12, "a sharp corner moves by 2.5 clearances: {sharp}");
+        assert_eq!(mitre(DVec3::X * 1e-4, 2, 0.25), DVec3::ZERO, "a corner of opposite directions");
+        assert!(mitre(DVec3::X * 1e-3, 2, 0.25) != DVec3::ZERO, "a corner of almost opposite directions");
+    }
+
+    /// An edge from a corner of the target to a point behind its plane is met by no line to the target, in
+    /// either direction; if it leads to the front, or if lines start in the plane, lines may meet it.
+    #[test]
+    fn edges_behind_the_target_are_missed_from_the_front() {
+        let t = [[0.0, 0.0], [0.0, 4.0], [4.0, 0.0]].map(|[y, z]| Vec3::new(30.0, y, z));
+        let mut scene = Scene::new();
+        let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(t)) });
+        scene.set_triangles(id, [t]).unwrap();
+        let triangles = SceneTriangles::new(&scene);
+        let cell = CellBox { min: DVec3::ZERO, max: DVec3::ONE };
+        let mut search = Search::new(&triangles, cell, 0.0, None);
+        let budget = Budget { nodes: 0, divided: 0, halvings: 0 };
+        assert!(search.begin(Target::Triangle(0), budget), "the search begins");
+        assert_eq!((search.skip, search.tags(0)), (0, [0, 1, 2]), "without clearance, the target is told");
+        let square = |x: f64| {
+            Polygon::new(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[y, z]| DVec3::new(x, y, z)))
+        };
+        let sight = |x: f64| Sight {
+            p: square(x),
+            q: Polygon::target(&triangles.corners(0)),
+            before_p: Half { normal: DVec3::X, offset: -1.0 },
+            before_q: Half { normal: DVec3::NEG_X, offset: 30.0 },
+            near: None,
+        };
+        let misses = |sight: &Sight, ends: [DVec3; 2], tags: [u8; 2]| {
+            let shaft = Shaft::new(&sight.p, &sight.q, search.pad());
+            search.edge_misses(&Edge { ends, tags }, sight, &shaft)
+        };
+        let corner = triangles.corners(0)[0];
+        let [behind, before] = [32.0, 16.0].map(|x| DVec3::new(x, 2.0, 1.5));
+        for (x, end, is_missed) in [(1.0, behind, true), (1.0, before, false), (30.0, behind, false)] {
+            let found = [
+                misses(&sight(x), [corner, end], [0, NO_CORNER]),
+                misses(&sight(x), [end, corner], [NO_CORNER, 0]),
+            ];
+            assert_eq!(found, [is_missed; 2], "an edge to {end} from lines that start at {x}");
+        }
+        assert!(search.begin(Target::Box { min: DVec3::ZERO, max: DVec3::ONE }, budget), "a box");
+        assert_eq!((search.skip, search.tags(0)), (NONE, [NO_CORNER; 3]), "a box has no corners to tell");
+        let mut search = Search::new(&triangles, cell, 1e-3, None);
+        assert!(search.begin(Target::Triangle(0), budget), "the search begins with a clearance");
+        assert_eq!((search.skip, search.tags(0)), (NONE, [NO_CORNER; 3]), "with clearance, none is told");
+    }
+
+    /// A sliver whose long side z = 0.5 does not move with the clearance, since its angles at both ends are
+    /// small, and lines on either side of that side, below the corner that moves. They are not blocked.
+    #[test]
+    fn long_sides_of_slivers_are_met_though_they_do_not_move() {
+        let scene_of = |lower: f32| {
+            let t = [[-5.0, lower], [5.0, lower], [0.0, 0.504]].map(|[y, z]| Vec3::new(5.0, y, z));
+            let mut scene = Scene::new();
+            let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(t)) });
+            scene.set_triangles(id, [t]).unwrap();
+            SceneTriangles::new(&scene)
+        };
+        let cell = CellBox { min: DVec3::ZERO, max: DVec3::ONE };
+        let sight = |y: [f64; 2], z: [f64; 2]| {
+            let rectangle = |x: f64| {
+                let corners = [[y[0], z[0]], [y[1], z[0]], [y[1], z[1]], [y[0], z[1]]];
+                Polygon::new(&corners.map(|[y, z]| DVec3::new(x, y, z)))
+            };
+            Sight {
+                p: rectangle(1.0),
+                q: rectangle(9.0),
+                before_p: Half { normal: DVec3::X, offset: -1.0 },
+                before_q: Half { normal: DVec3::NEG_X, offset: 9.0 },
+                near: Some(0.0),
+            }
+        };
+        // The second triangle is no sliver: its corners move, but the sharp one hardly moves its sides.
+        for (lower, y, z, is_blocked) in [
+            (0.5, [0.0, 0.1], [0.496, 0.508], false),
+            (0.48, [0.0, 0.1], [0.496, 0.508], true),
+            (0.48, [-5.005, -4.9], [0.4751, 0.4851], false),
+        ] {
+            let sight = sight(y, z);
+            let triangles = scene_of(lower);
+            let mut search = Search::new(&triangles, cell, 0.01, None);
+            let target = Target::Box { min: DVec3::X * 9.0, max: DVec3::ONE + DVec3::X * 9.0 };
+            let budget = Budget { nodes: 0, divided: 0, halvings: 0 };
+            assert!(search.begin(target, budget), "the search begins");
+            let shaft = Shaft::new(&sight.p, &sight.q, search.pad());
+            let line = Segment { p: sight.p.center(), q: sight.q.center() };
+            let found = search.close(&sight, &shaft, 0, line);
+            assert_eq!(found.is_ok(), is_blocked, "a long side at {lower}, lines at {y:?}: {found:?}");
+        }
+    }
+
+    /// A surface does not grow over a triangle that shows the viewcell its back.
+    #[test]
+    fn surfaces_do_not_grow_over_backs() {
+        let [a, b, c, d] =
+            [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[y, z]| Vec3::new(5.0, y, z));
+        for (other, is_blocked) in [([a, d, c], true), ([a, c, d], false)] {
+            let mut scene = Scene::new();
+            for (t, one_sided) in [([a, b, c], false), (other, true)] {
+                let bounds = Aabb::from_points(t);
+                let id = scene.insert(Object { occluder: true, one_sided, ..Object::new(bounds) });
+                scene.set_triangles(id, [t]).unwrap();
+            }
+            let triangles = SceneTriangles::new(&scene);
+            let cell = CellBox { min: DVec3::ZERO, max: DVec3::ONE };
+            let mut search = Search::new(&triangles, cell, 0.0, None);
+            let target = Target::Box { min: DVec3::X * 9.0, max: DVec3::ONE + DVec3::X * 9.0 };
+            let (answer, _) = search.solve_target(target, Budget { nodes: 20, divided: 0, halvings: 0 });
+            assert_eq!(
+                answer == Answer::Hidden,
+                is_blocked,
+                "a triangle {other:?} beside one with two sides"
+            );
+            let [p, q] = [1.0, 9.0].map(|x| {
+                let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+                Polygon::new(&corners.map(|[y, z]| DVec3::new(x, y, z)))
+            });
+            let before_p = Half { normal: DVec3::X, offset: -1.0 };
+            let before_q = Half { normal: DVec3::NEG_X, offset: 9.0 };
+            let sight = Sight { p, q, before_p, before_q, near: None };
+            let shaft = Shaft::new(&sight.p, &sight.q, search.pad());
+            let line = Segment { p: DVec3::new(1.0, 0.75, 0.25), q: DVec3::new(9.0, 0.75, 0.25) };
+            let found = search.close(&sight, &shaft, 0, line);
+            assert_eq!(found.is_ok(), is_blocked, "a triangle {other:?}: {found:?}");
+        }
+    }
 }

@@ -173,3 +173,80 @@ impl RegionCuller for ExactCuller {
         stats
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::Effort;
+    use std::format;
+    use visibility_core::glam::{DVec3, Vec3};
+    use visibility_core::{Aabb, Object, Pose, View};
+
+    /// A scene of a wall, object 0, and a plate behind it.
+    fn wall_and_plate() -> Scene {
+        let mut scene = Scene::new();
+        for (x, r) in [(5.0, 10.0), (9.0, 1.0)] {
+            let [a, b, c, d] = [(-r, -r), (r, -r), (r, r), (-r, r)].map(|(y, z)| Vec3::new(x, y, z));
+            let triangles = [[a, b, c], [a, c, d]];
+            let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            scene.set_triangles(id, triangles).unwrap();
+        }
+        scene
+    }
+
+    #[test]
+    fn the_accuracy_follows_from_the_settings() {
+        for (effort, expected) in [
+            (Effort::Rays(8), Accuracy::Aggressive),
+            (Effort::Share(0.1), Accuracy::Approximate),
+            (Effort::Exact(0.0), Accuracy::Conservative),
+            (Effort::Exact(1e-4), Accuracy::Exact),
+        ] {
+            let triangles = Arc::new(SceneTriangles::new(&Scene::new()));
+            let culler = ExactCuller::new(triangles, ExactSettings::new(effort));
+            assert_eq!(culler.accuracy(), expected, "accuracy with {effort:?}");
+        }
+    }
+
+    /// An open object is removed by a query without proofs that ran to its end, if it has triangles and can
+    /// be judged, and in no other case.
+    #[test]
+    fn open_objects_stay_unless_rays_have_judged_them() {
+        let triangles = SceneTriangles::new(&wall_and_plate());
+        let mut found = CellVerdicts::undecided(&triangles);
+        for case in 0..16 {
+            let [proves, is_decided, is_open, is_empty] = [1, 2, 4, 8].map(|bit| case & bit != 0);
+            found.is_decided = is_decided;
+            let settings = ExactSettings { proves, ..ExactSettings::new(Effort::Rays(8)) };
+            let mut object = triangles.objects[1].clone();
+            object.is_open = is_open;
+            object.end = if is_empty { object.first } else { object.end };
+            let is_removed = !proves && is_decided && !is_open && !is_empty;
+            let what = format!("proofs {proves}, decided {is_decided}, open {is_open}, empty {is_empty}");
+            assert_eq!(found.keeps(1, &object, &settings), !is_removed, "{what}");
+        }
+    }
+
+    /// The wall hides the plate in a set whose views all draw it, of the scene as it was prepared.
+    #[test]
+    fn nothing_is_removed_from_other_scenes_and_for_other_layers() {
+        let mut scene = wall_and_plate();
+        scene.set_layers(scene.id_at(0).unwrap(), 2).unwrap();
+        let triangles = Arc::new(SceneTriangles::new(&scene));
+        let settings = ExactSettings::new(Effort::Exact(1e-4)).with_rays(100).with_aimed_rays(10);
+        let mut culler = ExactCuller::new(triangles, settings);
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let mut keeps = |scene: &Scene, layers: u32| {
+            let mut visible = VisibleSet::new();
+            visible.fill(scene, &View::perspective(pose, 1.0, 1.0, 0.1, 100.0).unwrap().with_layers(layers));
+            culler.cull(scene, &Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5)), &mut visible);
+            visible.contains(scene, scene.id_at(1).unwrap())
+        };
+        assert!(!keeps(&scene, 3) && !keeps(&scene, 2 | 1 << 31), "views that draw the wall");
+        assert!(keeps(&scene, 1), "views that do not draw the wall");
+        assert!(keeps(&scene.clone(), 3), "a clone of the scene");
+        scene.set_layers(scene.id_at(1).unwrap(), 1).unwrap();
+        assert!(keeps(&scene, 3), "a scene that has changed");
+    }
+}

@@ -377,10 +377,11 @@ fn blocked(
     let mut blocked = Vec::new();
     for (place, verdict) in (0..).zip(verdicts) {
         let Verdict::Seen(Witness { from, to, triangle }) = *verdict else { continue };
-        // An object that reaches into the viewcell is seen whatever stands around it.
+        // An object that reaches into the viewcell is seen whatever stands around it. A search for one
+        // crossed triangle that finds it ends early, which counts as unsure.
         if from != to
             && boxes.iter().any(|at| meets([from; 2], [to; 2], *at))
-            && (triangles.tree.crossed(from, to, triangle, 1, &mut hits) || !hits.is_empty())
+            && triangles.tree.crossed(from, to, triangle, 1, &mut hits)
         {
             blocked.push(place);
         }
@@ -389,21 +390,19 @@ fn blocked(
 }
 
 /// Returns whether a segment from the box `from` to the box `to` meets the box `at`, or passes it by less
-/// than rounding. Each box is its least and its greatest corner.
+/// than 1e-9 of its length. Each box is its least and its greatest corner.
 ///
 /// The points at a part s of the segments, from 0 to 1, fill the box between the two. It meets `at` if six
-/// linear functions of s are not negative, which leaves a range of s. A value is wrong by 4 roundings of its
-/// terms, and 1e-9 of the greatest coordinate is a million times that.
+/// linear functions of s are not negative, which leaves a range of s. Each value at an end is one rounded
+/// difference, whose sign is exact. An end of the range divides two numbers of unlike sign, whose sum of
+/// absolute values does not cancel: it is wrong by at most 4 roundings, of numbers up to 1.
 fn meets(from: [DVec3; 2], to: [DVec3; 2], at: [DVec3; 2]) -> bool {
-    let size = [from, to, at].as_flattened().iter().map(|x| x.abs().max_element()).fold(0.0, f64::max);
-    let slack = size * 1e-9;
     let (mut least, mut greatest) = (0.0f64, 1.0f64);
     for k in 0..3 {
         // Values at s = 0 and at s = 1.
-        for (a, b) in [
-            (at[1][k] - from[0][k] + slack, at[1][k] - to[0][k] + slack),
-            (from[1][k] - at[0][k] + slack, to[1][k] - at[0][k] + slack),
-        ] {
+        for (a, b) in
+            [(at[1][k] - from[0][k], at[1][k] - to[0][k]), (from[1][k] - at[0][k], to[1][k] - at[0][k])]
+        {
             if a < 0.0 && b < 0.0 {
                 return false;
             }
@@ -415,4 +414,129 @@ fn meets(from: [DVec3; 2], to: [DVec3; 2], at: [DVec3; 2]) -> bool {
         }
     }
     least <= greatest + 1e-9
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Object, Scene};
+    use visibility_testing::Random;
+
+    /// A square across the x axis.
+    fn square(x: f32, y: f32, r: f32) -> [[Vec3; 3]; 2] {
+        let at = |dy: f32, z: f32| Vec3::new(x, y + dy * r, z * r);
+        let [a, b, c, d] = [at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)];
+        [[a, b, c], [a, c, d]]
+    }
+
+    fn scene(objects: &[[[Vec3; 3]; 2]]) -> Scene {
+        let mut scene = Scene::new();
+        for triangles in objects {
+            let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            scene.set_triangles(id, triangles.to_vec()).unwrap();
+        }
+        scene
+    }
+
+    /// Puts the first object elsewhere, and returns the objects blocked by that, and the verdicts.
+    fn moved(
+        scene: &mut Scene,
+        to: [[Vec3; 3]; 2],
+        triangles: &mut SceneTriangles,
+        found: &mut DynamicCell,
+    ) -> (usize, [usize; 3]) {
+        let id = scene.id_at(0).unwrap();
+        scene.set_bounds(id, Aabb::from_points(to.as_flattened().iter().copied())).unwrap();
+        scene.set_triangles(id, to.to_vec()).unwrap();
+        assert!(triangles.sync(scene), "the object moves to {to:?}");
+        let stats = found.update(triangles, &|| false);
+        (stats.blocked, found.counts())
+    }
+
+    /// A door beside the line of sight to a plate blocks nothing. Before the plate it hides it.
+    #[test]
+    fn doors_block_what_they_are_put_before() {
+        let (far, beside, before) =
+            (square(50.0, 30.0, 1.0), square(6.0, 30.0, 20.0), square(6.0, 0.0, 10.0));
+        let mut scene = scene(&[far, square(9.0, 0.5, 0.25)]);
+        let mut triangles = SceneTriangles::new(&scene);
+        let settings = ExactSettings::new(Effort::Exact(1e-3)).with_rays(100).with_aimed_rays(10);
+        let mut found = DynamicCell::new(Viewcell::from_box(DVec3::ZERO, DVec3::ONE), settings);
+        assert_eq!(found.settings.clearance(), 1e-3, "the clearance of the settings");
+        found.update(&triangles, &|| false);
+        assert_eq!(found.counts(), [2, 0, 0], "with the door far away");
+        for (door, expected) in [
+            (beside, (0, [2, 0, 0])),
+            (before, (1, [1, 1, 0])),
+            (beside, (0, [2, 0, 0])),
+            (before, (1, [1, 1, 0])),
+        ] {
+            let now = moved(&mut scene, door, &mut triangles, &mut found);
+            assert_eq!(now, expected, "the door at {door:?}");
+        }
+    }
+
+    /// What stands in the viewcell stays seen, also where another object is put into its place.
+    #[test]
+    fn nothing_blocks_what_stands_in_the_viewcell() {
+        let inside = square(0.5, 0.5, 0.25);
+        let mut scene = scene(&[square(50.0, 30.0, 1.0), inside]);
+        let mut triangles = SceneTriangles::new(&scene);
+        let settings = ExactSettings::new(Effort::Exact(0.0)).with_rays(100).with_aimed_rays(10);
+        let mut found = DynamicCell::new(Viewcell::from_box(DVec3::ZERO, DVec3::ONE), settings);
+        found.update(&triangles, &|| false);
+        let now = moved(&mut scene, inside, &mut triangles, &mut found);
+        assert_eq!(now, (0, [2, 0, 0]), "two objects in one place in the viewcell");
+    }
+
+    /// Returns what [`meets`] does, without rounding, for boxes with small integer coordinates: the range of
+    /// parts is not empty if it has an end, which is 0, 1 or the zero of one of the functions.
+    fn meets_exactly(from: [[i64; 3]; 2], to: [[i64; 3]; 2], at: [[i64; 3]; 2]) -> bool {
+        let over = |k: usize| (at[1][k] - from[0][k], at[1][k] - to[0][k]);
+        let under = |k: usize| (from[1][k] - at[0][k], to[1][k] - at[0][k]);
+        let functions: Vec<(i64, i64)> = (0..3).flat_map(|k| [over(k), under(k)]).collect();
+        let zeros = functions.iter().filter(|(a, b)| (*a < 0) != (*b < 0));
+        let mut parts = zeros.map(|(a, b)| (a.abs(), (a - b).abs())).chain([(0, 1), (1, 1)]);
+        parts.any(|(s, of)| functions.iter().all(|(a, b)| a * (of - s) + b * s >= 0))
+    }
+
+    /// Boxes and points with integer coordinates, of which many touch, and the same in other units of length:
+    /// the function agrees with integers.
+    #[test]
+    fn boxes_that_segments_meet_are_those_of_integers() {
+        let mut random = Random(3);
+        let mut counts = [0; 2];
+        for round in 0..20_000 {
+            let mut bounds = || {
+                let a: [i64; 3] = core::array::from_fn(|_| i64::from(random.between(-3, 3)));
+                let size = random.between(0, 4);
+                [a, a.map(|x| x + i64::from(random.between(0, size)))]
+            };
+            let boxes = [bounds(), bounds(), bounds()];
+            let expected = meets_exactly(boxes[0], boxes[1], boxes[2]);
+            counts[usize::from(expected)] += 1;
+            for scale in [1.0, 2f64.powi(-40), 1e30] {
+                let [from, to, at] =
+                    boxes.map(|ends| ends.map(|x| DVec3::from_array(x.map(|x| x as f64 * scale))));
+                assert_eq!(meets(from, to, at), expected, "{round}, times {scale}: {boxes:?}");
+            }
+        }
+        assert!(counts[0] > 2000 && counts[1] > 2000, "missed and met: {counts:?}");
+    }
+
+    /// A segment that touches a box at a point of the segment, rounded, meets the box.
+    #[test]
+    fn rounded_points_of_segments_are_met() {
+        let mut random = Random(4);
+        for round in 0..20_000 {
+            let size = 10f64.powi(random.between(-3, 6));
+            let mut point = || DVec3::from_array(core::array::from_fn(|_| random.fine_range(-size, size)));
+            let (a, b, far) = (point(), point(), point());
+            let x = a + (b - a) * random.unit();
+            assert!(meets([a; 2], [b; 2], [x.min(far), x.max(far)]), "{round}: {x} between {a} and {b}");
+            assert!(meets([a; 2], [b; 2], [x; 2]), "{round}: {x} itself, between {a} and {b}");
+        }
+    }
 }

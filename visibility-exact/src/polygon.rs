@@ -186,4 +186,100 @@ mod tests {
             );
         }
     }
+
+    fn in_plane(points: &[[f64; 2]]) -> Polygon {
+        Polygon::new(&points.iter().map(|p| DVec3::new(p[0], p[1], 0.0)).collect::<std::vec::Vec<_>>())
+    }
+
+    /// A square is cut along its diagonal, beside it, and along its sides: the part has the corners that it
+    /// should, each once, whichever corner of the square comes first.
+    #[test]
+    fn a_part_has_each_corner_once() {
+        let square = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
+        let half = |x: f64, y: f64, offset: f64| Half { normal: DVec3::new(x, y, 0.0), offset };
+        let (r, s) = (0.5f64.sqrt(), 2.0 * 0.5f64.sqrt());
+        // A half-space, and the number of corners and twice the area of the part in it.
+        let cases = [
+            (half(r, -r, 0.0), 3, 16.0),
+            (half(-r, r, 0.0), 3, 16.0),
+            (half(r, -r, -s), 3, 4.0),
+            (half(-r, r, s), 5, 28.0),
+            (half(1.0, 0.0, 0.0), 4, 32.0),
+            (half(1.0, 0.0, -1.0), 4, 24.0),
+            (half(1.0, 0.0, 9.0), 4, 32.0),
+        ];
+        for turn in 0..4 {
+            let polygon = in_plane(&core::array::from_fn::<_, 4, _>(|k| square[(k + turn) % 4]));
+            for (half, corners, area) in cases {
+                let part = polygon.clip(&half).unwrap();
+                assert_eq!(part.corners().len(), corners, "corner {turn} first, {half:?}");
+                let found = part.normal().length();
+                assert!(
+                    (found - area).abs() < 1e-12,
+                    "corner {turn} first, {half:?}: twice the area {found}"
+                );
+            }
+            for outside in [half(-1.0, 0.0, 0.0), half(-1.0, 0.0, -1.0)] {
+                assert_eq!(polygon.clip(&outside), None, "corner {turn} first, {outside:?} has no area");
+            }
+            let own = Half { normal: DVec3::Z, offset: 0.0 };
+            assert_eq!(polygon.clip(&own), None, "corner {turn} first: the polygon's own plane has no area");
+        }
+    }
+
+    /// A polygon of as many corners as it may have, without one of them, would have one corner too many.
+    #[test]
+    fn a_part_with_too_many_corners_is_the_whole() {
+        let angle = |k: usize| core::f64::consts::TAU * k as f64 / MAX_CORNERS as f64;
+        let corners: [DVec3; MAX_CORNERS] =
+            core::array::from_fn(|k| DVec3::new(angle(k).cos(), angle(k).sin(), 0.0));
+        let polygon = Polygon::new(&[&corners[..], &corners[..1]].concat());
+        assert_eq!(polygon.corners(), corners, "a corner too many is ignored");
+        for corner in corners {
+            let half = Half { normal: -corner, offset: 0.9 };
+            assert_eq!(polygon.clip(&half), Some(polygon), "without {corner}");
+        }
+    }
+
+    /// Corners of parts of a target triangle have the coordinates 0 that both ends of their side have.
+    #[test]
+    fn what_is_cut_of_a_target_keeps_its_zeros() {
+        let target = Polygon::target(&[DVec3::ZERO, DVec3::X * 4.0, DVec3::Y * 4.0]);
+        let part = target.clip(&Half { normal: DVec3::X, offset: -1.0 }).unwrap();
+        let found: std::vec::Vec<_> = part.corners().iter().zip(&part.zero).collect();
+        let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+        assert_eq!(
+            found,
+            [(&at(1.0, 0.0), &0b100), (&at(4.0, 0.0), &0b101), (&at(1.0, 3.0), &0b001)],
+            "corners and zeros"
+        );
+    }
+
+    /// The longest side of a triangle is halved, and the sides of a rectangle that are asked for.
+    #[test]
+    fn the_sides_that_are_asked_for_are_halved() {
+        for turn in 0..3 {
+            let t: [[f64; 2]; 3] =
+                core::array::from_fn(|k| [[0.0, 0.0], [4.0, 0.0], [1.0, 1.0]][(k + turn) % 3]);
+            let size = in_plane(&t).halves(false).map(|half| half.size());
+            assert!(
+                size.iter().all(|size| *size < 3.5),
+                "corner {turn} first: the longest sides are {size:?}"
+            );
+        }
+        for turn in 0..4 {
+            let sides = [[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [0.0, 1.0]];
+            let polygon = in_plane(&core::array::from_fn::<_, 4, _>(|k| sides[(k + turn) % 4]));
+            assert_eq!(polygon.size(), 3.0, "corner {turn} first: the longest side");
+            let sizes = [false, true].map(|across| polygon.halves(across).map(|half| half.size()));
+            assert_eq!(
+                sizes,
+                [[1.5; 2], [3.0; 2]],
+                "corner {turn} first: halves of the long and short sides"
+            );
+            // Across y the rectangle is 3 m wide, so its long sides are to be halved.
+            let across = [DVec3::ZERO, DVec3::Y, DVec3::X].map(|edge| polygon.extent_across(edge));
+            assert_eq!(across, [(3.0, false), (3.0, false), (1.0, true)], "corner {turn} first: widths");
+        }
+    }
 }

@@ -462,6 +462,7 @@ fn drop_straight(ring: &mut Vec<RingCorner>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::polygon::Polygon;
     use crate::search::Budget;
     use crate::sight::{CellBox, Target, sights};
     use crate::triangles::SceneTriangles;
@@ -498,6 +499,37 @@ mod tests {
             let mut node = RowNode::new(all[0], all[0].side_error(search.delta), &[]);
             let answer = search.divide_rows(&mut node, &mut 200, 0, levels);
             assert_eq!(answer == Answer::Hidden, expected, "at level {levels}: {answer:?}");
+        }
+        // Nor is a node decided without nodes left, or after a stop.
+        let node = || RowNode::new(all[0], all[0].side_error(1e-9), &[]);
+        assert_eq!(search.divide_rows(&mut node(), &mut 0, 0, 0), Answer::Undecided, "without nodes left");
+        search.stop = &|| true;
+        assert_eq!(search.divide_rows(&mut node(), &mut 200, 0, 0), Answer::Undecided, "after a stop");
+    }
+
+    /// A line that touches the edge of a triangle is not clear, and one that passes beside it is.
+    #[test]
+    fn lines_that_touch_an_edge_are_not_clear() {
+        let cell = CellBox { min: DVec3::new(0.0, -0.5, -0.5), max: DVec3::new(1.0, 0.5, 0.5) };
+        let [p, q] = [1.0, 9.0].map(|x| {
+            let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
+            Polygon::new(&corners.map(|[y, z]| DVec3::new(x, y, z)))
+        });
+        let before_p = Half { normal: DVec3::X, offset: -1.0 };
+        let before_q = Half { normal: DVec3::NEG_X, offset: 9.0 };
+        let sight = Sight { p, q, before_p, before_q, near: None };
+        for (edge, is_clear) in [(0.0, false), (0.125, true)] {
+            let t = [[-9.0, edge], [9.0, edge], [0.0, 9.0]].map(|[y, z]| Vec3::new(5.0, y, z));
+            let mut scene = Scene::new();
+            let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(t)) });
+            scene.set_triangles(id, [t]).unwrap();
+            let triangles = SceneTriangles::new(&scene);
+            let mut search = Search::new(&triangles, cell, 0.0, None);
+            let target = Target::Box { min: DVec3::new(9.0, -0.5, -0.5), max: DVec3::new(10.0, 0.5, 0.5) };
+            search.begin(target, Budget { nodes: 0, divided: 0, halvings: 0 });
+            let mut node = RowNode::new(sight, sight.side_error(search.delta), &[]);
+            let answer = search.divide_rows(&mut node, &mut 5, 0, 0);
+            assert_eq!(matches!(answer, Answer::Visible(_)), is_clear, "an edge at {edge}: {answer:?}");
         }
     }
 }

@@ -473,3 +473,155 @@ impl Sight {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::half::Half;
+    use crate::polygon::Polygon;
+    use std::{vec, vec::Vec};
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Object, Scene};
+
+    type Triangle = [Vec3; 3];
+
+    /// Returns the two triangles of a rectangle across x.
+    fn wall(x: f32, y: [f32; 2], z: [f32; 2]) -> Vec<Triangle> {
+        let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| Vec3::new(x, y[i], z[j]));
+        [[a, b, c], [a, c, d]].to_vec()
+    }
+
+    fn prepared(objects: &[Vec<Triangle>]) -> SceneTriangles {
+        let mut scene = Scene::new();
+        for triangles in objects {
+            let bounds = Aabb::from_points(triangles.iter().flatten().copied());
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            scene.set_triangles(id, triangles.clone()).unwrap();
+        }
+        SceneTriangles::new(&scene)
+    }
+
+    const CELL: CellBox = CellBox { min: DVec3::ZERO, max: DVec3::ONE };
+
+    /// A target behind a fence of slats in two rows that overlap by a hair.
+    fn fence() -> SceneTriangles {
+        let slats = (0..24u8).map(|k| {
+            let y = f32::from(k) * 0.5 - 6.0;
+            wall(5.0 + f32::from(k % 2) * 0.01, [y, y + 0.52], [-9.0, 9.0])
+        });
+        prepared(&[vec![wall(12.0, [0.0, 1.0], [0.0, 1.0])], slats.collect()].concat())
+    }
+
+    /// The search takes no more nodes than it is granted, and as many as it tells. What it cannot decide
+    /// with them stays undecided.
+    #[test]
+    fn no_more_nodes_are_searched_than_granted() {
+        let triangles = fence();
+        let target = Target::Box { min: DVec3::new(12.0, 0.0, 0.0), max: DVec3::new(12.0, 1.0, 1.0) };
+        let mut search = Search::new(&triangles, CELL, 1e-4, None);
+        let mut needed = 0;
+        for nodes in 0..200 {
+            let before = search.stats.nodes;
+            let (answer, used) = search.solve_target(target, Budget { nodes, divided: 0, halvings: 0 });
+            assert_eq!(u64::from(used), search.stats.nodes - before, "nodes counted of {nodes}");
+            assert!(used <= nodes, "{used} nodes of {nodes}");
+            match answer {
+                Answer::Hidden => {
+                    assert!(
+                        [0, used].contains(&needed),
+                        "{used} nodes and {needed} nodes with fewer granted"
+                    );
+                    needed = used;
+                }
+                Answer::Undecided => assert_eq!((used, needed), (nodes, 0), "all nodes are used"),
+                Answer::Visible(line) => panic!("the target is not seen along {line:?}"),
+            }
+        }
+        assert!(needed > 1, "the target takes {needed} nodes");
+    }
+
+    /// After a stop, all is undecided.
+    #[test]
+    fn a_stop_ends_the_search() {
+        let triangles = fence();
+        for stop in [false, true] {
+            let is_stopped = || stop;
+            let mut search = Search::new(&triangles, CELL, 1e-4, None);
+            search.stop = &is_stopped;
+            let budget = Budget { nodes: 1000, divided: 100, halvings: 12 };
+            let (answer, used) = search.solve_target(Target::Triangle(0), budget);
+            assert_eq!(answer, if stop { Answer::Undecided } else { Answer::Hidden }, "stopped: {stop}");
+            assert_eq!(used == 0, stop, "{used} nodes, stopped: {stop}");
+        }
+        // What has said stop once need not say so again.
+        let calls = core::cell::Cell::new(0);
+        let is_stopped = || {
+            calls.set(calls.get() + 1);
+            calls.get() == 2
+        };
+        let mut search = Search::new(&triangles, CELL, 1e-4, None);
+        search.stop = &is_stopped;
+        let stops = [(); 4].map(|()| search.must_stop());
+        assert_eq!(stops, [false, true, true, true], "after one stop");
+    }
+
+    /// A line along the edge between two walls, or through a wall, is no line of sight.
+    #[test]
+    fn lines_that_touch_edges_are_no_lines_of_sight() {
+        let walls = [wall(5.0, [-9.0, 0.5], [-9.0, 9.0]), wall(6.0, [0.5, 9.0], [-9.0, 9.0])];
+        let triangles = prepared(&walls);
+        let square = |x: f64, h: f64| {
+            let corners = [[0.5, -h], [0.5, h], [0.5, 0.0]].map(|[y, z]| DVec3::new(x, y, 0.5 + z));
+            Polygon::new(&corners)
+        };
+        let half = Half { normal: DVec3::X, offset: 0.0 };
+        let search = Search::new(&triangles, CELL, 0.0, None);
+        let mut hits = Vec::new();
+        // All lines between the two polygons pass the walls along their edges.
+        let sight =
+            Sight { p: square(1.0, 0.25), q: square(12.0, 0.25), before_p: half, before_q: half, near: None };
+        let found = search.crossed_line(&sight, &mut hits);
+        assert!(
+            found.is_ok() && hits.is_empty(),
+            "lines along edges cross nothing, and see nothing: {found:?}"
+        );
+        let beside = |y: f64| Sight {
+            q: Polygon::new(
+                &square(12.0, 0.25).corners().iter().map(|q| *q + DVec3::Y * y).collect::<Vec<_>>(),
+            ),
+            ..sight
+        };
+        assert!(search.crossed_line(&beside(1.0), &mut hits).is_ok() && hits.len() == 1, "a wall is crossed");
+        let open = Search::new(&triangles, CELL, 0.0, None);
+        let above = |y: f64| Sight { p: square(5.5, 0.25), ..beside(y) };
+        let clear = open.crossed_line(&above(-1.0), &mut hits);
+        assert!(clear.is_ok(), "the start of a line of sight is moved into the viewcell: {clear:?}");
+    }
+
+    /// The polygon that looks wider from an obstacle is halved, in the direction across the obstacle's edge.
+    #[test]
+    fn halves_part_the_lines_on_either_side_of_an_obstacle() {
+        let square = |x: f64, y: f64, z: f64| {
+            let corners = [[0.0, 0.0], [y, 0.0], [y, z], [0.0, z]].map(|[y, z]| DVec3::new(x, y, z));
+            Polygon::new(&corners)
+        };
+        let half = Half { normal: DVec3::X, offset: 0.0 };
+        let sight = |p: Polygon, q: Polygon| Sight { p, q, before_p: half, before_q: half, near: None };
+        let line = Segment { p: DVec3::ZERO, q: DVec3::X * 10.0 };
+        let edge = |x: f64, along: DVec3| Some(([DVec3::X * x - along, DVec3::X * x + along], line));
+        let halving = |of_p: bool, across: bool| Halving { of_p, across };
+        let same = sight(square(0.0, 2.0, 1.0), square(10.0, 2.0, 1.0));
+        // An edge near to one polygon looks past the other, which is halved across the edge.
+        for (x, along, expected) in [
+            (1.0, DVec3::Z, halving(true, false)),
+            (1.0, DVec3::Y, halving(true, true)),
+            (9.0, DVec3::Z, halving(false, false)),
+            (9.0, DVec3::Y, halving(false, true)),
+        ] {
+            assert_eq!(best_halving(&same, edge(x, along)), expected, "an edge along {along} at {x}");
+        }
+        let [wide_p, wide_q] = [(9.0, 2.0), (2.0, 9.0)]
+            .map(|(p, q)| best_halving(&sight(square(0.0, p, 1.0), square(10.0, q, 1.0)), None).of_p);
+        assert_eq!([wide_p, wide_q], [true, false], "without an edge, the longer polygon is halved");
+    }
+}

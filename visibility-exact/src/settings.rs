@@ -83,3 +83,20 @@ impl ExactSettings {
         Self { keep_proofs: true, ..self }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_that_are_out_of_range_count_as_0() {
+        for (given, kept) in [(2.5, 2.5), (0.0, 0.0), (-1.0, 0.0), (f64::INFINITY, 0.0), (f64::NAN, 0.0)] {
+            let exact = ExactSettings::new(Effort::Exact(given));
+            let changed = ExactSettings::new(Effort::Share(0.5)).with_clearance(given);
+            assert_eq!([exact, changed].map(|settings| settings.clearance()), [kept; 2], "clearance {given}");
+        }
+        for (given, kept) in [(0.25, 0.25), (0.0, 0.0), (-1.0, 0.0), (f64::NAN, 0.0)] {
+            assert_eq!(ExactSettings::new(Effort::Share(given)).share, kept, "share {given}");
+        }
+    }
+}

@@ -52,7 +52,7 @@ impl Shaft {
     }
 
     fn add(&mut self, normal: DVec3, one: &Polygon, other: &Polygon) {
-        if self.count < PLANES && normal != DVec3::ZERO {
+        if normal != DVec3::ZERO {
             let corners = one.corners().iter().chain(other.corners());
             let offset = corners.map(|x| -normal.dot(*x)).fold(f64::NEG_INFINITY, f64::max);
             self.planes[self.count] = (normal, offset);
@@ -136,10 +136,12 @@ mod tests {
                 for part in [0.0, 0.25, 0.5, 1.0] {
                     assert!(!shaft.misses(&[x + (y - x) * part]), "{round}");
                 }
-                // A triangle that touches the target polygon at a corner, from any side.
-                let touching = [y, y + random.fine_vector(5.0), y + random.fine_vector(5.0)];
-                assert!(!search.apart(&touching, [NO_CORNER; 3], &sight), "{round}");
-                assert!(!apart(&touching, &q, &sight.before_q, search.pad()), "{round}");
+                // Triangles that touch a polygon at a corner, from any side.
+                for (at, polygon, plane) in [(x, &p, &sight.before_p), (y, &q, &sight.before_q)] {
+                    let touching = [at, at + random.fine_vector(5.0), at + random.fine_vector(5.0)];
+                    assert!(!search.apart(&touching, [NO_CORNER; 3], &sight), "{round}");
+                    assert!(!apart(&touching, polygon, plane, search.pad()), "{round}");
+                }
             }
         }
     }

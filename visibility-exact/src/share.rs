@@ -117,3 +117,87 @@ impl Search<'_> {
         (blocked, obstacle)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sight::CellBox;
+    use crate::triangles::SceneTriangles;
+    use visibility_core::glam::{DVec3, Vec3};
+    use visibility_core::{Aabb, Object, Scene};
+
+    /// Walls across x at 5 m from `y[0]` to `y[1]` each.
+    fn walls(all: &[[f32; 2]]) -> SceneTriangles {
+        let mut scene = Scene::new();
+        for y in all {
+            let [a, b, c, d] =
+                [(0, -9.0), (1, -9.0), (1, 9.0), (0, 9.0)].map(|(i, z)| Vec3::new(5.0, y[i], z));
+            let bounds = Aabb::from_points([a, b, c, d]);
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            scene.set_triangles(id, [[a, b, c], [a, c, d]]).unwrap();
+        }
+        SceneTriangles::new(&scene)
+    }
+
+    const CELL: CellBox = CellBox { min: DVec3::new(-1.0, 0.0, 0.0), max: DVec3::new(0.0, 1.0, 1.0) };
+    const TARGET: Target = Target::Box { min: DVec3::new(10.0, 0.0, 0.0), max: DVec3::new(11.0, 1.0, 1.0) };
+
+    /// Walls in the middle between two squares: half of the segments pass above the middle, and an eighth by
+    /// its upper quarter.
+    #[test]
+    fn bounds_are_above_the_share_and_near() {
+        for (all, share) in [
+            (&[[-9.0, 9.0]][..], 0.0),
+            (&[[-9.0, 0.5]], 0.5),
+            (&[[0.5, 9.0]], 0.5),
+            (&[[-9.0, 0.75]], 0.125),
+            (&[[-9.0, 0.25], [0.75, 9.0]], 0.75),
+            (&[[20.0, 30.0]], 1.0),
+        ] {
+            let triangles = walls(all);
+            for c in [0.0, 1e-6] {
+                let mut search = Search::new(&triangles, CELL, c, None);
+                let found = search.share(TARGET, 0.0, 3000);
+                assert!(
+                    (share - 1e-4..=share + 0.1).contains(&found),
+                    "walls {all:?} leave {share}, bounded by {found} with clearance {c}"
+                );
+                // It stops as soon as the bound is enough.
+                let nodes = search.stats.nodes;
+                assert!(search.share(TARGET, 1.0, 3000) >= 1.0, "walls {all:?}: a bound of 1");
+                assert_eq!(search.stats.nodes, nodes, "walls {all:?}: nodes for a bound of 1");
+                let enough = search.share(TARGET, 0.9, 3000);
+                assert!(enough <= 0.9 + 1e-8 || share > 0.9, "walls {all:?}: {enough} for 0.9");
+            }
+        }
+    }
+
+    /// No bound is found of what cannot be searched: after a stop, where the clearance is within the error
+    /// of positions, where no viewpoint is a clearance over a face, and of or from what has no area.
+    #[test]
+    fn without_a_search_all_may_be_visible() {
+        let triangles = walls(&[[-9.0, 9.0]]);
+        let stop = || true;
+        let mut search = Search::new(&triangles, CELL, 1e-6, None);
+        search.stop = &stop;
+        assert_eq!(search.share(TARGET, 0.5, 3000), 1.0, "after a stop");
+        let share = |cell: CellBox, target: Target, c: f64| {
+            Search::new(&triangles, cell, c, None).share(target, 0.5, 3000)
+        };
+        let wide = Target::Box { min: DVec3::new(10.0, -1.0, -1.0), max: DVec3::new(11.0, 2.0, 2.0) };
+        assert_eq!(share(CELL, wide, 1e-16), 1.0, "a clearance within the error of positions");
+        assert!(share(CELL, wide, 1e-6) <= 0.5, "a clearance beyond it");
+        assert_eq!(share(CELL, TARGET, 1e-6), 0.0, "a target that is hidden");
+        for below in [0.125, 0.75] {
+            let max = DVec3::new(11.0, 1.0, 1.0 - below * 1e-5);
+            let grazed = Target::Box { min: DVec3::new(10.0, 0.0, -1.0), max };
+            assert_eq!(
+                share(CELL, grazed, 1e-5),
+                1.0,
+                "a target {below} clearances below the viewcell's top"
+            );
+        }
+        let point = CellBox { min: DVec3::ZERO, max: DVec3::ZERO };
+        assert_eq!(share(point, TARGET, 1e-6), 1.0, "a viewcell without area");
+    }
+}

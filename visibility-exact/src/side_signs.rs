@@ -76,3 +76,54 @@ pub(crate) fn signs(sight: &Sight, edge: &Edge, delta: f64) -> u8 {
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::half::Half;
+    use crate::polygon::Polygon;
+
+    fn sight(near: Option<f64>) -> Sight {
+        let [p, q] = [0.0, 9.0]
+            .map(|x| Polygon::new(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]].map(|[y, z]| DVec3::new(x, y, z))));
+        let before_p = Half { normal: DVec3::X, offset: 0.0 };
+        Sight { p, q, before_p, before_q: Half { normal: DVec3::NEG_X, offset: 9.0 }, near }
+    }
+
+    /// Of an edge between corners of the target, lines to its ends and to what is between them are exactly on
+    /// side 0. Of an edge with one such corner, lines to this corner.
+    #[test]
+    fn lines_to_means_of_an_edges_ends_pass_it_on_side_0() {
+        for [a, b] in (0..16u8).map(|k| [k / 4, k % 4]).filter(|[a, b]| a != b || *a == 3) {
+            let ends = [a, b].into_iter().filter(|tag| *tag < 3).fold(0, |ends, tag| ends | 1 << tag);
+            for zero in 0..0b111u8 {
+                let zeros = Zeros { tags: [a, b], in_p: false, in_q: false };
+                let is_mean = 0b111 & !zero & !ends == 0;
+                let found = zeros.hold(&sight(None), DVec3::ZERO, DVec3::X, zero);
+                assert_eq!(found, is_mean, "tags {a} and {b}, zeros {zero:03b}");
+            }
+        }
+    }
+
+    /// Lines and edges in the plane of a polygon are on side 0. One point of the four outside of it suffices
+    /// for another side.
+    #[test]
+    fn lines_and_edges_in_one_plane_are_on_side_0() {
+        for (near, x, beside) in
+            [(None, 0.0, 1e-9), (None, 9.0, 1e-9), (Some(0.25), 9.0, 0.3), (Some(0.25), 9.0, -0.3)]
+        {
+            let sight = sight(near);
+            for outside in 0..5 {
+                let x = |k: usize| if k == outside { x + beside } else { x };
+                let [a, b, p, q] =
+                    [[5.0, 6.0], [7.0, 9.0], [0.0, 0.0], [1.0, 1.0]].map(|[y, z]| DVec3::new(0.0, y, z));
+                let [a, b, p, q] = [(0, a), (1, b), (2, p), (3, q)].map(|(k, v)| v + DVec3::X * x(k));
+                let found = Zeros::new(&sight, &Edge::new(a, b)).hold(&sight, p, q, 0);
+                assert_eq!(found, outside == 4, "near {near:?}: point {outside} of 4 is beside the plane");
+            }
+        }
+        let (sight, at) = (sight(Some(0.25)), |x: f64| DVec3::new(x, 5.0, 5.0));
+        let zeros = Zeros::new(&sight, &Edge::new(at(8.8), at(9.2)));
+        assert!(zeros.hold(&sight, at(8.9), at(9.1), 0), "four points near the plane count as in it");
+    }
+}

@@ -444,6 +444,94 @@ mod tests {
         }
     }
 
+    /// Right triangles of side 1 in planes x = 1, 2, ..., whose corners run counter-clockwise as seen from
+    /// greater x.
+    fn pages(count: usize) -> Vec<[Vec3; 3]> {
+        let page = |x: f32| [Vec3::ZERO, Vec3::Y, Vec3::Z].map(|v| v + Vec3::X * x);
+        (1..=count).map(|k| page(k as f32)).collect()
+    }
+
+    /// Segments that cross one-sided triangles from their fronts are stopped, those from behind pass, and one
+    /// that begins in the plane may be stopped. Triangle `skip` stops none.
+    #[test]
+    fn one_sided_triangles_stop_segments_from_their_fronts() {
+        let all = pages(3);
+        let tree = TriangleTree::new(&all, (0..3).collect(), |t| t != 1);
+        let at = |x: f64| DVec3::new(x, 0.25, 0.25);
+        let crossed = |p: f64, q: f64, skip: u32| {
+            let mut hits = vec![];
+            let unsure = tree.crossed(at(p), at(q), skip, 100, &mut hits);
+            hits.sort_unstable();
+            (hits, unsure)
+        };
+        assert_eq!(crossed(4.0, 0.0, u32::MAX), (vec![0, 1, 2], false), "from the fronts");
+        assert_eq!(crossed(0.0, 4.0, u32::MAX), (vec![1], false), "from behind");
+        assert_eq!(crossed(4.0, 0.0, 2), (vec![0, 1], false), "without triangle 2");
+        assert_eq!(crossed(3.0, 2.5, u32::MAX), (vec![], true), "from a point of triangle 2");
+        assert_eq!(crossed(3.0, 3.5, 2), (vec![], false), "from a point of triangle 2, without it");
+    }
+
+    /// A search ends with as many triangles as are asked for, and counts as unsure then. One for a single
+    /// triangle ends so too.
+    #[test]
+    fn searches_end_with_as_many_triangles_as_are_asked_for() {
+        let all = pages(9);
+        let tree = TriangleTree::new(&all, (0..9).collect(), |_| false);
+        for most in 1..12 {
+            let mut hits = vec![];
+            let unsure = tree.crossed(
+                DVec3::new(0.0, 0.25, 0.25),
+                DVec3::new(20.0, 0.25, 0.25),
+                u32::MAX,
+                most,
+                &mut hits,
+            );
+            assert_eq!((hits.len(), unsure), (most.min(9), most <= 9), "at most {most} of 9 triangles");
+        }
+    }
+
+    /// Triangles that were added to an empty tree, or to none, are found once.
+    #[test]
+    fn each_triangle_of_both_trees_is_found_once() {
+        let all = pages(20);
+        for first in [0, 1, 10, 20] {
+            let mut tree = TriangleTree::new(&all, (0..first).collect(), |_| false);
+            tree.set_added(&all, &(first..20).collect::<Vec<u32>>(), |_| false);
+            let mut hits = vec![];
+            let (p, q) = (DVec3::new(0.0, 0.25, 0.25), DVec3::new(30.0, 0.25, 0.25));
+            tree.crossed(p, q, u32::MAX, 100, &mut hits);
+            hits.sort_unstable();
+            assert_eq!(hits, (0..20).collect::<Vec<u32>>(), "{first} in the first tree");
+            assert_eq!(
+                tree.nearest(p, q - p).map(|hit| hit.1),
+                Some(0),
+                "{first} in the first tree: nearest"
+            );
+        }
+    }
+
+    /// Points at powers of 2 along each axis, of which a split by the heuristic takes a few off: the tree is
+    /// no deeper than a walk allows.
+    #[test]
+    fn trees_of_points_at_all_scales_are_not_too_deep() {
+        let powers = (-126..100).flat_map(|k| [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis * 2f32.powi(k)));
+        let all: Vec<[Vec3; 3]> = powers.map(|p| [p; 3]).collect();
+        let tree = TriangleTree::new(&all, (0..all.len() as u32).collect(), |_| false);
+        let mut deepest = 0;
+        let mut waiting = vec![(0, 1)];
+        while let Some((at, depth)) = waiting.pop() {
+            deepest = deepest.max(depth);
+            let node = tree.nodes[at];
+            if node.count == 0 {
+                waiting.extend([(at + 1, depth + 1), (node.link as usize, depth + 1)]);
+            }
+        }
+        assert!((DEEP..STACK - 2).contains(&deepest), "{deepest} nodes on a way from the root");
+        let mut hits = vec![];
+        assert!(tree.crossed(DVec3::ZERO, DVec3::X, u32::MAX, 10, &mut hits), "points that a segment meets");
+        assert!(tree.nearest(-DVec3::ONE, DVec3::ONE).is_none(), "points stop no ray");
+    }
+
     /// Triangles whose boxes all overlap are removed, and only those, in a step for each, and one for each
     /// triangle of the tree.
     #[test]

@@ -189,3 +189,24 @@ impl DrawList {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::{Aabb, Scene};
+
+    /// Small keys are counted and great ones sorted: groups are the same, and none is empty.
+    #[test]
+    fn groups_are_of_the_keys_that_objects_have() {
+        let mut scene = Scene::new();
+        let ids = scene.insert_batch((0..9).map(|_| Aabb::from_arrays([0.0; 3], [1.0; 3])));
+        for far in [7, 900_000] {
+            let mut list = DrawList::new();
+            list.group(ids.iter().copied(), |id| [far, 2, 4][id.index() % 3]);
+            let groups: Vec<_> =
+                list.groups().iter().map(|group| (group.key, group.first, group.count)).collect();
+            assert_eq!(groups, [(2, 0, 3), (4, 3, 3), (far, 6, 3)], "groups with the key {far}");
+            assert_eq!(list.instances(), [1, 4, 7, 2, 5, 8, 0, 3, 6], "objects with the key {far}");
+        }
+    }
+}

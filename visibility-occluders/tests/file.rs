@@ -88,6 +88,8 @@ fn content_that_cannot_be_drawn_is_refused() {
     // first polygon.
     let numbers = shapes + 56 * level.polygons().len() + 8;
     let [nan, two] = [f64::NAN, 2.0].map(f64::to_le_bytes);
+    // The least number that no vertex of the first cluster has.
+    let unknown = level.clusters()[0].vertices[1] as u8;
     for (at, bytes, said) in [
         (12, &[2][..], "a structure of kind 2"),
         (vertices, &f32::NAN.to_le_bytes(), "a vertex is not finite"),
@@ -96,11 +98,15 @@ fn content_that_cannot_be_drawn_is_refused() {
         (shapes + 8, &two, "a polygon has no plane"),
         (shapes + 16, &nan, "a polygon has no plane"),
         (shapes + 24, &f64::INFINITY.to_le_bytes(), "a polygon has no plane"),
+        (shapes + 24, &f64::NEG_INFINITY.to_le_bytes(), "a polygon has no plane"),
+        (shapes + 32, &f64::INFINITY.to_le_bytes(), "a polygon has no plane"),
         (shapes + 32, &(-1e9f64).to_le_bytes(), "a polygon has no plane"),
         (shapes + 40, &(-1.0f64).to_le_bytes(), "a polygon has no plane"),
         (shapes + 40, &nan, "a polygon has no plane"),
+        (shapes + 40, &f64::INFINITY.to_le_bytes(), "a polygon has no plane"),
         (shapes + 48, &nan, "a polygon has faces that do not face"),
         (shapes + 48, &0.0f64.to_le_bytes(), "a polygon has faces that do not face"),
+        (shapes + 48, &(1.0f64 + 1.1e-9).to_le_bytes(), "a polygon has faces that do not face"),
         (numbers - 8, &[255], "more is announced than there is"),
         (numbers - 8, &[2], "the content goes on after its end"),
         (numbers, &[127], "a cluster has more vertices than there are"),
@@ -110,6 +116,8 @@ fn content_that_cannot_be_drawn_is_refused() {
         (numbers + 3, &[2], "a polygon hides neither"),
         (numbers + 4, &[127], "an edge has an unknown vertex"),
         (numbers + 5, &[127], "an edge has an unknown vertex"),
+        (numbers + 4, &[unknown], "an edge has an unknown vertex"),
+        (numbers + 5, &[unknown], "an edge has an unknown vertex"),
     ] {
         let found = problem(&level, at, bytes);
         assert!(found.contains(said), "byte {at}: {found}, not {said}");
@@ -148,6 +156,37 @@ fn content_that_cannot_be_drawn_is_refused() {
         mend_header(&mut file, 0);
         let found = LevelOccluders::from_bytes(&file, None).unwrap_err().to_string();
         assert!(found.contains("are left that no cluster has"), "{found}");
+    }
+}
+
+/// Numbers of a polygon at their limits are read: a normal and a cosine that are longer than 1 by rounding,
+/// and an area of 0.
+#[test]
+fn polygons_at_the_limits_are_read() {
+    let level = sample(true);
+    let shape = FRONT + 4 + 12 * level.vertices().len() + 4;
+    let polygon = level.polygons()[0];
+    let [low, high] = polygon.extent;
+    // The squared length differs from 1 by up to `by`.
+    let read = |by: f64, area: f64, min_cosine: f64| {
+        let normal = polygon.normal * (1.0 + 0.5 * by);
+        let numbers = [normal.x, normal.y, normal.z, low - 1e-6, high + 1e-6, area, min_cosine];
+        let mut file = level.to_bytes();
+        file[shape..shape + 56].copy_from_slice(numbers.map(f64::to_le_bytes).as_flattened());
+        mend_header(&mut file, 0);
+        LevelOccluders::from_bytes(&file, None).is_ok()
+    };
+    for (by, area, min_cosine, is_read) in [
+        (0.0, 0.0, 1.0, true),
+        (0.9e-9, 1.0, 1.0, true),
+        (-0.9e-9, 1.0, 1.0, true),
+        (1.1e-9, 1.0, 1.0, false),
+        (-1.1e-9, 1.0, 1.0, false),
+        (0.0, 1.0, 1.0 + 0.9e-9, true),
+        (0.0, 1.0, 1.0 + 1.1e-9, false),
+        (0.0, 1.0, f64::MIN_POSITIVE, true),
+    ] {
+        assert_eq!(read(by, area, min_cosine), is_read, "normal {by:e}, area {area}, cosine {min_cosine}");
     }
 }
 

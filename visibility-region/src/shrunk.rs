@@ -311,6 +311,122 @@ mod tests {
         }
     }
 
+    /// A side from the origin to far away: points and patches round by its greatest coordinate.
+    #[test]
+    fn points_cover_the_middle_of_sides_that_begin_at_the_origin() {
+        let mut random = visibility_testing::Random(8);
+        for round in 0..2000 {
+            let size = 4.0 * (f64::from(random.between(1 << 28, 1 << 30)) + 1.0);
+            let mut points = Vec::new();
+            let sign = if round % 2 == 0 { 1.0 } else { -1.0 };
+            let ends = [DVec3::ZERO, DVec3::splat(sign * size)];
+            let distance = sample_points(ends[0].min(ends[1]), ends[0].max(ends[1]), 6, &mut points);
+            let middle = DVec3::new(0.0, 0.5, 0.5) * sign * size;
+            // Differences of numbers within a factor of two are exact, as is the comparison of squares.
+            let is_near = |p: &DVec3| {
+                let by = middle - *p;
+                let squares = by.to_array().map(|x| (x, x));
+                visibility_testing::sign_of_sum(squares.into_iter().chain([(-distance, distance)])) <= 0
+            };
+            assert!(points.iter().any(is_near), "round {round}: {distance} is claimed for {middle}");
+        }
+    }
+
+    /// What no point sees is hidden, unless it is at the viewcell; what a point sees stays.
+    #[test]
+    fn objects_at_the_viewcell_stay_and_others_if_they_are_seen() {
+        let mut scene = Scene::new();
+        let mut insert = |at: Vec3| scene.insert(Aabb::new(at - 0.5, at + 0.5));
+        let inside = insert(Vec3::ZERO);
+        let touching: Vec<_> =
+            Vec3::AXES.into_iter().flat_map(|a| [a, -a]).map(|a| insert(a * 1.5)).collect();
+        let far: Vec<_> = Vec3::AXES.into_iter().flat_map(|a| [a, -a]).map(|a| insert(a * 9.0)).collect();
+        let cell = Viewcell::from_box(DVec3::NEG_ONE, DVec3::ONE);
+        let mut visible = VisibleSet::new();
+        ShrunkCuller::new(NearestViews::default(), 1).cull(&scene, &cell, &mut visible);
+        assert!(visible.contains(&scene, inside), "an object in the viewcell");
+        assert!(touching.iter().all(|&id| visible.contains(&scene, id)), "objects that touch the viewcell");
+        assert!(far.iter().all(|&id| !visible.contains(&scene, id)), "objects on all sides that are hidden");
+        let mut visible = VisibleSet::new();
+        ShrunkCuller::new(BoundsGiven(Vec::new()), 1).cull(&scene, &cell, &mut visible);
+        assert!(far.iter().all(|&id| visible.contains(&scene, id)), "objects on all sides that are seen");
+    }
+
+    /// A culler that removes nothing, and stores the objects that occlude.
+    struct OccludersGiven(usize);
+
+    impl Culler for OccludersGiven {
+        fn name(&self) -> &str {
+            "occluders given"
+        }
+
+        fn accuracy(&self) -> Accuracy {
+            Accuracy::Conservative
+        }
+
+        fn cull(&mut self, scene: &Scene, _: &View, visible: &mut VisibleSet) -> CullStats {
+            self.0 = self.0.max(scene.ids().filter(|&id| scene.occluder(id).is_some()).count());
+            visible.retain(scene, |_, _| true)
+        }
+    }
+
+    /// A box without a side hides from where its hole does not show, and a box around the viewcell not at
+    /// all.
+    #[test]
+    fn solids_at_the_viewcell_and_open_ones_do_not_occlude() {
+        let count = |bounds: Aabb, left_out: usize| {
+            let corners = bounds.corners();
+            let triangles: Vec<Triangle> = OccluderMesh::CUBOID
+                .iter()
+                .map(|t| t.map(|i| corners[i as usize]))
+                .filter(|t| !(left_out == 1 && t.iter().all(|p| p.x == bounds.min.x)))
+                .filter(|t| !(left_out == 2 && t.iter().all(|p| p.x == bounds.max.x)))
+                .collect();
+            let mut scene = Scene::new();
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            let mesh = scene.add_mesh(OccluderMesh::from_triangles(&triangles).unwrap());
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+            let mut culler = ShrunkCuller::new(OccludersGiven(0), 1);
+            let cell = Viewcell::from_box(DVec3::splat(-0.1), DVec3::splat(0.1));
+            culler.cull(&scene, &cell, &mut VisibleSet::new());
+            culler.culler.0
+        };
+        let apart = Aabb::from_arrays([5.0, -4.0, -4.0], [9.0, 4.0, 4.0]);
+        assert_eq!(count(apart, 0), 1, "a closed box");
+        assert_eq!(count(apart, 2), 1, "a box open on the far side");
+        assert_eq!(count(apart, 1), 0, "a box open towards the viewcell");
+        let around = Aabb::from_arrays([-2.0, -4.0, -4.0], [9.0, 4.0, 4.0]);
+        assert_eq!(count(around, 0), 0, "a box around the viewcell");
+    }
+
+    /// A solid that a transform flattens leaves nothing, and one as wide as the world errs by its own size.
+    #[test]
+    fn flat_solids_leave_nothing_and_wide_ones_round_by_their_size() {
+        let pyramid = |size: f32| {
+            let base = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
+            let [a, b, c, d] = base.map(|[u, v]| Vec3::new(u, v, 0.0) * size);
+            let top = Vec3::new(2.0, 2.0, 4.0) * size;
+            let sides = [[a, b, top], [b, c, top], [c, d, top], [d, a, top]];
+            OccluderMesh::from_triangles(&[&[[a, c, b], [a, d, c]], &sides[..]].concat()).unwrap()
+        };
+        for axis in Vec3::AXES {
+            let flat = Affine3A::from_scale(Vec3::ONE - axis);
+            assert!(shrink(&pyramid(1.0), &flat, 0.1).is_none(), "flat along {axis}");
+            let line = Affine3A::from_scale(axis);
+            assert!(shrink(&pyramid(1.0), &line, 0.1).is_none(), "a line along {axis}");
+        }
+        assert!(shrink(&pyramid(1.0), &Affine3A::IDENTITY, 0.1).is_some(), "a solid that is not flat");
+        let (size, [left, right]) = (1e6, [2.0, -2.0].map(|x| DVec3::new(x, 0.0, -1.0).normalize()));
+        let planes = [(DVec3::Z, 0.0), (left, 0.0), (right, 4.0 * size * left.x)];
+        for i in 0..200 {
+            let by = 1.0 + 0.37 * f64::from(i);
+            let triangles = shrink(&pyramid(1e6), &Affine3A::IDENTITY, by).unwrap();
+            for p in triangles.iter().flatten().map(|p| p.as_dvec3()) {
+                assert!(planes.iter().all(|(normal, offset)| normal.dot(p) + offset >= by), "{p} for {by}");
+            }
+        }
+    }
+
     /// A culler that removes all objects, and stores the distance from the eye at which its views begin.
     #[derive(Default)]
     struct NearestViews(f64);

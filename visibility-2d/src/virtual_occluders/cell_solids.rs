@@ -119,6 +119,12 @@ impl CellSolids {
         &self.posts[solid.first as usize..][..solid.count as usize]
     }
 
+    /// Changes the posts of all solids.
+    #[cfg(test)]
+    pub(crate) fn change_posts(&mut self, change: impl FnMut(&mut Post)) {
+        self.posts.iter_mut().for_each(change);
+    }
+
     /// Returns the posts of a solid that are in use after the last [`restrict`](Self::restrict),
     /// counter-clockwise.
     pub(crate) fn ring(&self, index: u32) -> &[Post] {
@@ -316,5 +322,197 @@ impl Segment {
         let across = (self.along[0] * cy - self.along[1] * cx).abs();
         let reach = self.along[0].abs() * hy + self.along[1].abs() * hx;
         overlap(0) && overlap(1) && across <= reach * (1.0 + 1e-9)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::horizon::UpAxis;
+    use visibility_core::glam::{Affine3A, Vec3};
+    use visibility_core::{Aabb, Object, OccluderMesh, Scene};
+    use visibility_testing::{Random, sign_of_sum};
+
+    /// Distances are a lower bound, and the reach an upper one, of square roots that are not whole.
+    #[test]
+    fn distances_and_reaches_are_bounds_exactly() {
+        let mut random = Random(1);
+        let mut rounded = [0; 2];
+        for round in 0..20_000 {
+            let mut whole = |from: i32, to: i32| f64::from(random.between(from, to));
+            let cell = CellBox { min: [-5.0, -7.0, 0.0], max: [3.0, 2.0, 1.0] };
+            let (x, y) = (whole(-1000, 1000), whole(-1000, 1000));
+            let max = [x + whole(0, 9), y + whole(0, 9)];
+            let gap = |axis: usize, min: f64, max: f64| {
+                if min > cell.max[axis] {
+                    min - cell.max[axis]
+                } else if max < cell.min[axis] {
+                    cell.min[axis] - max
+                } else {
+                    0.0
+                }
+            };
+            let (gx, gy) = (gap(0, x, max[0]), gap(1, y, max[1]));
+            let distance = cell.distance([x, y], max);
+            let sign = |d: f64, dx: f64, dy: f64| sign_of_sum([(d, d), (-dx, dx), (-dy, dy)]);
+            assert!(sign(distance, gx, gy) <= 0, "{round}: {distance} is the distance of {x} {y} at most");
+            assert!(distance >= (gx * gx + gy * gy).sqrt() * (1.0 - 1e-14), "{round}: {distance} of {x} {y}");
+            rounded[0] += usize::from(sign((gx * gx + gy * gy).sqrt(), gx, gy) > 0);
+            let far = |at: f64, axis: usize| (at - cell.min[axis]).abs().max((cell.max[axis] - at).abs());
+            let (fx, fy) = (far(x, 0), far(y, 1));
+            let reach = cell.reach(x, y);
+            assert!(sign(reach, fx, fy) >= 0, "{round}: {reach} is the reach of {x} {y} at least");
+            assert!(reach <= (fx * fx + fy * fy).sqrt() * (1.0 + 1e-14), "{round}: {reach} of {x} {y}");
+            rounded[1] += usize::from(sign((fx * fx + fy * fy).sqrt(), fx, fy) < 0);
+        }
+        assert!(rounded.iter().all(|&count| count > 1_000), "{rounded:?}");
+    }
+
+    const CELL: CellBox = CellBox { min: [-1.0, -1.0, 1.0], max: [1.0, 1.0, 2.0] };
+
+    /// Returns the solids of upright boxes, as they are before errors.
+    fn solids_of(boxes: &[Aabb]) -> PlanSolids {
+        let mut scene = Scene::new();
+        for bounds in boxes {
+            let id = scene.insert(Object { occluder: true, ..Object::new(*bounds) });
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(bounds).unwrap());
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        }
+        let mut solids = PlanSolids::new(UpAxis::Z);
+        solids.sync(&scene);
+        assert_eq!(solids.solids.len(), boxes.len(), "a solid for each of {boxes:?}");
+        solids
+    }
+
+    fn filled(solids: &PlanSolids) -> CellSolids {
+        let mut filled = CellSolids::new();
+        filled.fill(solids, &CELL, |_| true);
+        filled
+    }
+
+    /// Posts that err are lower, farther away and begin higher than they seem.
+    #[test]
+    fn errors_of_posts_count_in_slopes_and_lower_ends() {
+        for (high, error) in [(8.0f32, 0.25f64), (100.0, 0.25), (8.0, 0.0)] {
+            let mut all = solids_of(&[Aabb::from_arrays([10.0, -1.0, 0.5], [12.0, 1.0, high])]);
+            all.solids[0].error = error;
+            let solids = filled(&all);
+            let posts = solids.posts(0);
+            assert_eq!(posts.len(), 4, "posts of a box");
+            for post in posts {
+                let reach = (post.at.x + 1.0).hypot(post.at.y.abs() + 1.0) + 1.414 * error;
+                let exact = (f64::from(high) - error - 2.0) / reach;
+                assert!(post.slope <= exact && post.slope > 0.9 * exact, "{post:?} rises by {exact} at most");
+                assert!(
+                    post.low >= 0.5 + error && post.low < 0.51 + error,
+                    "{post:?} begins at {error} more"
+                );
+                assert_eq!(post.at.error, error, "the error of {post:?}");
+            }
+            let greatest = posts.iter().map(|post| post.slope).fold(-1.0, f64::max);
+            assert_eq!(solids.solids()[0].slope, greatest, "the greatest slope");
+        }
+    }
+
+    #[test]
+    fn solids_that_may_touch_the_viewcell_or_are_below_it_are_left_out() {
+        let count = |boxes: &[Aabb], error: f64, moved: f64| {
+            let mut all = solids_of(boxes);
+            (all.solids[0].error, all.solids[0].moved) = (error, moved);
+            filled(&all).solids().len()
+        };
+        let wall = Aabb::from_arrays([10.0, -1.0, 0.0], [12.0, 1.0, 99.0]);
+        assert_eq!(count(&[wall], 0.0, 0.0), 1, "a wall at nine metres");
+        assert_eq!(count(&[wall], 4.4, 0.0), 1, "twice its error is less than nine metres");
+        assert_eq!(count(&[wall], 9.5, 0.0), 0, "a wall that may touch the viewcell");
+        assert_eq!(count(&[wall], 0.0, 9.5), 0, "a vertex of the wall may touch the viewcell");
+        let around = Aabb::from_arrays([0.5, -9.0, 0.0], [12.0, 9.0, 99.0]);
+        assert_eq!(count(&[around], 0.0, 0.0), 0, "a wall that meets the viewcell");
+        let low = Aabb::from_arrays([10.0, -1.0, 0.0], [12.0, 1.0, 1.9]);
+        assert_eq!(count(&[low], 0.0, 0.0), 0, "a wall lower than the highest eye");
+    }
+
+    #[test]
+    fn solids_of_objects_that_are_no_candidates_are_left_out() {
+        let wall = |x: f32| Aabb::from_arrays([x, -1.0, 0.0], [x + 2.0, 1.0, 99.0]);
+        let all = solids_of(&[wall(10.0), wall(20.0)]);
+        let mut solids = CellSolids::new();
+        for candidate in 0..2 {
+            solids.fill(&all, &CELL, |object| object == candidate);
+            let middles: Vec<[f64; 2]> = solids.solids().iter().map(|solid| solid.middle).collect();
+            assert_eq!(middles, [[11.0 + 10.0 * f64::from(candidate), 0.0]], "object {candidate} alone");
+        }
+    }
+
+    /// A side of the viewcell alone, or a side of the ring alone, may separate the two.
+    #[test]
+    fn a_side_of_either_separates() {
+        let ring = |points: &[[f64; 2]]| -> Vec<Post> {
+            let post = |&[x, y]: &[f64; 2]| Post { at: Point::exact(x, y), low: 0.0, slope: 1.0 };
+            points.iter().map(post).collect()
+        };
+        let corners = CELL.corners();
+        let tip = ring(&[[1.1, 0.0], [9.0, -8.0], [9.0, 8.0]]);
+        assert!(is_apart(&tip, 0.0, &corners), "a tip before the middle of a side of the viewcell");
+        assert!(!is_apart(&tip, 0.2, &corners), "a tip that may be in the viewcell");
+        let slanted = ring(&[[3.0, -0.8], [3.0, 3.0], [-0.8, 3.0]]);
+        assert!(is_apart(&slanted, 0.0, &corners), "a side of a ring before a corner of the viewcell");
+        assert!(!is_apart(&slanted, 0.2, &corners), "a side that may cut the corner");
+        let over = ring(&[[0.9, 0.0], [9.0, -8.0], [9.0, 8.0]]);
+        assert!(!is_apart(&over, 0.0, &corners), "a tip in the viewcell");
+    }
+
+    #[test]
+    fn posts_in_use_are_steep_enough_and_of_use() {
+        let mut solids = filled(&solids_of(&[
+            Aabb::from_arrays([10.0, -1.0, 0.0], [20.0, 1.0, 22.0]),
+            Aabb::from_arrays([-99.0, -1.0, 0.0], [-98.0, 1.0, 3.0]),
+        ]));
+        let steep = (0..2u32).find(|&i| solids.solids()[i as usize].middle[0] > 0.0).unwrap();
+        solids.restrict(1.2, |_| true);
+        assert_eq!(solids.ring(steep).len(), 2, "the near posts rise by 1.8, the far ones by 0.95");
+        assert!(!solids.is_whole(steep) && solids.ring(1 - steep).is_empty(), "a low solid far away");
+        solids.restrict(0.0, |_| true);
+        assert!(solids.is_whole(steep) && solids.is_whole(1 - steep), "all posts");
+        solids.restrict(0.0, |post| post.at.y > 0.0);
+        assert_eq!([0, 1].map(|i| solids.ring(i).len()), [2, 2], "posts on one side");
+        solids.restrict(1.2, |post| post.at.y > 0.0);
+        assert_eq!(solids.ring(steep).len(), 1, "the near post on one side");
+    }
+
+    /// Rows of posts on a field: a segment meets the boxes that it crosses, and no others.
+    #[test]
+    fn segments_meet_the_boxes_that_they_cross() {
+        let mut random = Random(2);
+        let boxes: Vec<Aabb> = (0..300)
+            .map(|i| {
+                let at = Vec3::new(4.0 * (i % 20) as f32 + 5.0, 4.0 * (i / 20) as f32 - 30.0, 0.0);
+                Aabb::new(at, at + Vec3::new(1.0, 1.0, 30.0))
+            })
+            .collect();
+        let solids = filled(&solids_of(&boxes));
+        assert_eq!(solids.solids().len(), boxes.len(), "all posts are apart from the viewcell");
+        for round in 0..40 {
+            let [from, to] = [(); 2].map(|()| {
+                let p = random.vec3(-40.0, 90.0).as_dvec3();
+                [p.x, p.y]
+            });
+            let slope = random.unit();
+            let mut met = Vec::new();
+            solids.along(from, to, slope, &mut |index| met.push(index));
+            let [x, y] = [0, 1].map(|axis| to[axis] - from[axis]);
+            for (index, solid) in (0..).zip(solids.solids()) {
+                let [cx, cy] = [0, 1].map(|axis| solid.middle[axis] - from[axis]);
+                let beside = (x * cy - y * cx).abs() / x.hypot(y);
+                let part = (cx * x + cy * y) / (x * x + y * y);
+                let is_crossed = beside < 0.49 && part > 0.0 && part < 1.0;
+                let is_met = met.contains(&index);
+                assert!(is_met || !is_crossed || solid.slope < slope, "{round}: {solid:?} is crossed");
+                assert!(
+                    !is_met || beside < 0.75 && solid.slope >= slope,
+                    "{round}: {solid:?} is not crossed"
+                );
+            }
+        }
     }
 }

@@ -316,3 +316,161 @@ fn is_in(point: Point, ring: &[Post]) -> bool {
         robust::orient2d(coordinate(ring[i].at), coordinate(ring[next].at), coordinate(point)) >= 0.0
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::horizon::UpAxis;
+    use crate::virtual_occluders::cell_solids::CellBox;
+    use crate::virtual_occluders::solids::PlanSolids;
+    use visibility_core::glam::Affine3A;
+    use visibility_core::{Aabb, Object, OccluderMesh, Scene};
+    use visibility_testing::Random;
+
+    /// Returns the solids of houses 30 m high, given by least and greatest coordinates on the plan.
+    fn houses(plans: &[[f32; 4]], cell: &CellBox) -> CellSolids {
+        let mut scene = Scene::new();
+        for &[x, y, to_x, to_y] in plans {
+            let bounds = Aabb::from_arrays([x, y, 0.0], [to_x, to_y, 30.0]);
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        }
+        let mut all = PlanSolids::new(UpAxis::Z);
+        all.sync(&scene);
+        let mut solids = CellSolids::new();
+        solids.fill(&all, cell, |_| true);
+        solids.restrict(0.1, |_| true);
+        solids
+    }
+
+    /// Returns the index of the solid around a point.
+    fn solid_at(solids: &CellSolids, x: f64, y: f64) -> u32 {
+        let at = |i: &u32| solids.solids()[*i as usize].middle == [x, y];
+        (0..solids.solids().len() as u32).find(at).unwrap()
+    }
+
+    const ROW: [[f32; 4]; 3] = [[-4.0, 10.0, -1.0, 11.0], [-1.0, 10.0, 2.0, 11.0], [2.0, 10.0, 5.0, 11.0]];
+
+    /// Three houses in a row that share corners: of each, the lower ends of all posts count, also of those
+    /// that are no ends of chords. Of one house, those of both ends of its chord do.
+    #[test]
+    fn the_lower_ends_of_all_posts_of_a_chain_count() {
+        let cell = CellBox { min: [-6.0, -2.0, 1.0], max: [6.0, 2.0, 2.0] };
+        let corners = cell.corners();
+        let line = BackLine::new([0.5, 0.0], [0.0, 1.0], 20.0);
+        let wide = [[-20.0, 10.0, 20.0, 11.0]];
+        for (plans, raised) in [
+            (&ROW[..], [-4.0, 10.0]),
+            (&ROW[..], [-4.0, 11.0]),
+            (&ROW[..], [-1.0, 10.0]),
+            (&ROW[..], [2.0, 11.0]),
+            (&ROW[..], [5.0, 10.0]),
+            (&ROW[..], [5.0, 11.0]),
+            (&wide[..], [-20.0, 11.0]),
+            (&wide[..], [20.0, 11.0]),
+        ] {
+            let mut solids = houses(plans, &cell);
+            solids.change_posts(|post| post.low = if [post.at.x, post.at.y] == raised { 0.5 } else { 0.0 });
+            solids.restrict(0.1, |_| true);
+            let task = Task { solids: &solids, corners: &corners, line, slope: 0.1 };
+            let mut chain = Chain::new();
+            assert!(!chain.holds(&task, 0.0), "a chain without links");
+            assert!(chain.cover(&task, 0.0) && chain.holds(&task, 0.0), "a chain of {plans:?}");
+            assert_eq!(chain.links.len(), plans.len(), "links of the chain");
+            assert_eq!(chain.low(), 0.5, "the post at {raised:?} begins higher");
+        }
+    }
+
+    #[test]
+    fn chords_have_the_viewcell_behind_them() {
+        let cell = CellBox { min: [-6.0, -2.0, 1.0], max: [6.0, 2.0, 2.0] };
+        let (solids, corners) = (houses(&ROW, &cell), cell.corners());
+        let line = BackLine::new([0.5, 0.0], [0.0, 1.0], 20.0);
+        let task = Task { solids: &solids, corners: &corners, line, slope: 0.1 };
+        let is_chord = |y: f64, chord: f64| {
+            let [from, to] = [-4.0, 4.0].map(|x| Point::exact(x, chord));
+            [task.is_chord(Point::exact(0.0, y), from, to), task.is_chord(Point::exact(0.0, y), to, from)]
+        };
+        assert_eq!(is_chord(20.0, 10.0), [true, false], "a chord between the point and the viewcell");
+        assert_eq!(is_chord(20.0, -10.0), [false, false], "a chord beyond the viewcell");
+        assert_eq!(is_chord(20.0, 1.0), [false, false], "a chord across the viewcell");
+        assert_eq!(is_chord(5.0, 10.0), [false, false], "a point on the viewcell's side of the chord");
+    }
+
+    /// Solids whose posts are not all in use or not exact are not known to touch.
+    #[test]
+    fn joints_are_of_exact_solids_that_are_wholly_in_use() {
+        let line = BackLine::new([0.5, 0.0], [0.0, 1.0], 20.0);
+        let at = Point::exact(0.5, 20.0);
+        let link_of = |solid: u32, from: [f64; 2], to: [f64; 2]| {
+            let [from, to] = [from, to].map(|[x, y]| Point::exact(x, y));
+            Link { solid, from, to, low: 0.0, joint: None }
+        };
+        for (min, max) in [([-6.0, -2.0], [6.0, 2.0]), ([-6.0, -2.0], [6.0, 8.0]), ([-9.0, -2.0], [0.0, 8.0])]
+        {
+            let cell = CellBox { min: [min[0], min[1], 1.0], max: [max[0], max[1], 2.0] };
+            let corners = cell.corners();
+            let mut solids = houses(&ROW, &cell);
+            let [a, b] = [-2.5, 0.5].map(|x| solid_at(&solids, x, 10.5));
+            let (last, next) =
+                (link_of(a, [-4.0, 11.0], [-1.0, 10.0]), link_of(b, [-1.0, 10.0], [2.0, 11.0]));
+            let task = Task { solids: &solids, corners: &corners, line, slope: 0.1 };
+            let joined = task.join(at, &last, &next).unwrap();
+            let joint = joined.joint.unwrap();
+            assert!(task.is_chord(at, last.from, joint), "{joint:?} ends a chord, cell {min:?} to {max:?}");
+            assert!(task.is_chord(at, joint, next.to), "{joint:?} begins a chord, cell {min:?} to {max:?}");
+            for unused in [[-4.0, 10.0], [2.0, 10.0]] {
+                // The neighbour beyond has a post there too, which does not matter.
+                solids.restrict(0.1, |post| [post.at.x, post.at.y] != unused);
+                let task = Task { solids: &solids, corners: &corners, line, slope: 0.1 };
+                assert!(task.join(at, &last, &next).is_none(), "the post at {unused:?} is not in use");
+            }
+            for inexact in [[-4.0, 10.0], [2.0, 10.0]] {
+                let error = |post: &Post| if [post.at.x, post.at.y] == inexact { 1e-9 } else { 0.0 };
+                solids.change_posts(|post| post.at.error = error(post));
+                solids.restrict(0.1, |_| true);
+                let task = Task { solids: &solids, corners: &corners, line, slope: 0.1 };
+                assert!(task.join(at, &last, &next).is_none(), "the post at {inexact:?} is not exact");
+            }
+        }
+    }
+
+    /// Links of random houses near random viewcells: chords have the viewcell behind them, and continue what
+    /// the chord before has hidden.
+    #[test]
+    fn links_are_chords_that_continue_the_chain() {
+        let mut random = Random(40);
+        let mut counts = [0; 3];
+        for round in 0..3000 {
+            let plans: [[f32; 4]; 4] = core::array::from_fn(|_| {
+                let [x, y] = [random.between(-9, 9), random.between(4, 12)].map(|x| x as f32);
+                [x, y, x + random.between(1, 6) as f32, y + random.between(1, 5) as f32]
+            });
+            let min = [f64::from(random.between(-9, 6)), f64::from(random.between(-4, 2))];
+            let max = [min[0] + f64::from(random.between(1, 4)), min[1] + f64::from(random.between(1, 8))];
+            let cell = CellBox { min: [min[0], min[1], 1.0], max: [max[0], max[1], 2.0] };
+            let (solids, corners) = (houses(&plans, &cell), cell.corners());
+            let line = BackLine::new([0.0, 0.0], [0.0, 1.0], 20.0);
+            let task = Task { solids: &solids, corners: &corners, line, slope: 0.1 };
+            let at = Point::exact(random.fine_range(-9.0, 9.0), 20.0);
+            let count = solids.solids().len() as u32;
+            for first in 0..count {
+                let Some(last) = task.link(at, None, first) else { continue };
+                counts[0] += 1;
+                assert!(task.is_chord(at, last.from, last.to), "round {round}: {last:?} is a chord");
+                assert!(all_left_of(at, last.from, &corners), "round {round}: {last:?} begins the chain");
+                for second in 0..count {
+                    let Some(link) = task.link(at, Some(&last), second) else { continue };
+                    counts[1 + usize::from(link.joint.is_some())] += 1;
+                    assert!(task.is_chord(at, link.from, link.to), "round {round}: {link:?} is a chord");
+                    let end = link.joint.unwrap_or(last.to);
+                    assert!(task.is_chord(at, last.from, end), "round {round}: {last:?} ends at {end:?}");
+                    let is_continued = link.from.is(end) || left_of(at, link.from, end) >= 0.0;
+                    assert!(is_continued, "round {round}: {link:?} continues {last:?}");
+                }
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 50), "{counts:?}");
+    }
+}

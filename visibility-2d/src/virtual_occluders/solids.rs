@@ -96,3 +96,64 @@ impl PlanSolids {
         });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::{Affine3A, Vec3};
+    use visibility_core::scene::Triangle;
+    use visibility_core::{Aabb, Object, OccluderMesh};
+
+    fn solids_of(mesh: OccluderMesh, transform: Affine3A) -> PlanSolids {
+        let mut scene = Scene::new();
+        let bounds = Aabb::from_arrays([-1e7; 3], [1e7; 3]);
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        let mesh = scene.add_mesh(mesh);
+        scene.set_mesh(id, mesh, transform).unwrap();
+        let mut solids = PlanSolids::new(UpAxis::Z);
+        solids.sync(&scene);
+        solids
+    }
+
+    /// An upright prism over a ring of points of the plan.
+    fn prism(ring: &[[f32; 2]]) -> OccluderMesh {
+        let at = |i: usize, z: f32| Vec3::new(ring[i % ring.len()][0], ring[i % ring.len()][1], z);
+        let mut triangles: Vec<Triangle> = Vec::new();
+        for i in 0..ring.len() {
+            let [a, b, c, d] = [at(i, 0.0), at(i + 1, 0.0), at(i + 1, 8.0), at(i, 8.0)];
+            triangles.extend([[a, b, c], [a, c, d]]);
+            if i > 0 && i + 1 < ring.len() {
+                triangles.push([at(0, 8.0), at(i, 8.0), at(i + 1, 8.0)]);
+                triangles.push([at(0, 0.0), at(i + 1, 0.0), at(i, 0.0)]);
+            }
+        }
+        OccluderMesh::from_triangles(&triangles).unwrap()
+    }
+
+    /// Rings have one post for each corner, which is known up to the error of the transform.
+    #[test]
+    fn solids_are_rings_of_three_posts_at_least() {
+        let three = [[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]];
+        let four = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
+        for corners in [&three[..], &four[..]] {
+            let far = Affine3A::from_translation(Vec3::new(1e6, 0.0, 0.0));
+            for (transform, x) in [(Affine3A::IDENTITY, 0.0), (far, 1e6)] {
+                let all = solids_of(prism(corners), transform);
+                assert_eq!(all.solids.len(), 1, "a prism over {corners:?}");
+                let solid = &all.solids[0];
+                let ring: Vec<[f64; 2]> = all.ring(solid).iter().map(|post| [post.x - x, post.y]).collect();
+                assert_eq!(ring.len(), corners.len(), "posts {ring:?} over {corners:?}");
+                for corner in corners {
+                    let at = corner.map(f64::from);
+                    assert!(ring.contains(&at), "{at:?} is among {ring:?}");
+                }
+                // Four roundings of a sum of two terms of 1e6 are the least that must be allowed for.
+                let is_known =
+                    if x > 0.0 { solid.error >= 4.0 * f64::EPSILON * x } else { solid.error == 0.0 };
+                assert!(is_known, "the error {} of posts at {x}", solid.error);
+            }
+        }
+        let flat = prism(&[[0.0, 0.0], [4.0, 0.0]]);
+        assert!(solids_of(flat, Affine3A::IDENTITY).solids.is_empty(), "a wall without thickness");
+    }
+}

@@ -37,3 +37,25 @@ impl CameraRange {
         self.heights.map(|[low, high]| if is_downwards { [-high, -low] } else { [low, high] })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_axis_is_up_and_heights_are_turned_with_it() {
+        let range = |up: [f64; 3]| CameraRange { up: DVec3::from_array(up), ..CameraRange::default() };
+        for (up, axis, is_down) in [
+            ([0.0, 0.0, 1.0], 2, false),
+            ([1.0, 1.0, 1.0], 2, false),
+            ([2.0, -2.0, 1.0], 0, false),
+            ([-2.0, 2.0, 1.0], 0, true),
+            ([0.5, -2.0, 1.0], 1, true),
+            ([0.0; 3], 2, false),
+        ] {
+            assert_eq!(range(up).up_axis(), axis, "axis of {up:?}");
+            let expected = if is_down { [-3.0, -1.0] } else { [1.0, 3.0] };
+            assert_eq!(range(up).offsets(), Some(expected), "heights along {up:?}");
+        }
+    }
+}

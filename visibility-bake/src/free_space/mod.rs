@@ -232,4 +232,21 @@ mod tests {
         ALLOWED.store(of_flood + 1, Ordering::Relaxed);
         assert_eq!(free(), Err(GridError::Stopped), "stopped at the second box after the flood");
     }
+
+    /// Points on the border of a region are in it, also if it is flat, and points outside are ignored.
+    #[test]
+    fn floods_begin_within_the_region_and_its_border() {
+        let grid = Grid::new(DVec3::ZERO, DVec3::splat(2.0)).unwrap();
+        let (scene, camera) = (Scene::new(), CameraRange { heights: None, ..CameraRange::default() });
+        let count = |point: DVec3, min: DVec3, max: DVec3| {
+            grid.free(&scene, &[point], &camera, min, max).map(|cells| cells.len())
+        };
+        let (low, high) = (DVec3::ZERO, DVec3::splat(2.0));
+        for (x, expected) in [(0.0, 1), (1.0, 1), (2.0, 1), (2.001, 0), (-0.001, 0)] {
+            assert_eq!(count(DVec3::new(x, 1.0, 1.0), low, high), Ok(expected), "a point at {x}");
+        }
+        assert_eq!(count(DVec3::ONE, DVec3::ONE, DVec3::ONE), Ok(1), "a region that is a point");
+        assert_eq!(count(DVec3::ONE, DVec3::NAN, high), Err(GridError::TooMany), "a least corner of NaN");
+        assert_eq!(count(DVec3::ONE, low, DVec3::NAN), Err(GridError::TooMany), "a greatest corner of NaN");
+    }
 }

@@ -206,4 +206,36 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn floors_are_less_steep_than_60_degrees() {
+        for up in 0..3 {
+            // A triangle that rises by `rise` on 1 m, along the axis `up`.
+            let triangle = |rise: f32, width: f32| {
+                [[0.0, 0.0, 0.0], [1.0, 0.0, rise], [0.0, width, 0.0]].map(|mut p: [f32; 3]| {
+                    p.rotate_left(2 - up);
+                    Vec3::from_array(p)
+                })
+            };
+            for (rise, expected) in [(0.0, true), (1.0, true), (-1.7, true), (1.74, false), (-1e6, false)] {
+                assert_eq!(is_floor(&triangle(rise, 1.0), up), expected, "axis {up}: a rise of {rise}");
+            }
+            assert!(!is_floor(&triangle(0.0, 0.0), up), "axis {up}: a triangle without area");
+        }
+    }
+
+    /// A camera stands on no wall: above one, no voxel is at its heights.
+    #[test]
+    fn walls_are_no_floors() {
+        let grid = Grid::new(DVec3::ZERO, DVec3::ONE).unwrap();
+        let corners = [[0.5, -9.0, 0.1], [0.5, 9.0, 0.1], [0.5, 0.0, -9.0]].map(Vec3::from_array);
+        let mut scene = Scene::new();
+        let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(corners)) });
+        scene.set_triangles(id, [corners]).unwrap();
+        let radius = 0.26 * 3f64.sqrt() / 0.99;
+        let camera = CameraRange { radius, heights: Some([0.25, 0.5]), up: DVec3::Z };
+        let solids = SolidTriangles::new(&grid, &scene, &camera, [DVec3::ZERO, DVec3::ONE]).unwrap();
+        let free = solids.free_voxels([0; 3]);
+        assert!(free.all().all(|voxel| !free.contains(voxel)), "voxels above a wall");
+    }
 }

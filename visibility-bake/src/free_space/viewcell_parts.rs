@@ -112,3 +112,94 @@ fn grown(
     let min = DVec3::select(low.cmpeq(start), whole.min, origin + low);
     Viewcell::from_box(min, DVec3::select(high.cmpeq(end), whole.max, origin + high))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::free_space::camera_range::CameraRange;
+    use visibility_core::glam::Vec3;
+    use visibility_core::{Aabb, Object, Scene};
+
+    /// Returns the two triangles of a rectangle that lies across `axis` at `at`, between the coordinates `u`
+    /// and `v` on the two following axes.
+    fn rectangle(axis: usize, at: f64, u: [f64; 2], v: [f64; 2]) -> [[Vec3; 3]; 2] {
+        let corner = |u: f64, v: f64| {
+            let mut p = DVec3::splat(at);
+            (p[(axis + 1) % 3], p[(axis + 2) % 3]) = (u, v);
+            p.as_vec3()
+        };
+        let [a, b, c, d] = [corner(u[0], v[0]), corner(u[1], v[0]), corner(u[1], v[1]), corner(u[0], v[1])];
+        [[a, b, c], [a, c, d]]
+    }
+
+    /// Returns the viewcells of parts of a box of 4 m, in voxels of half a metre, among walls. A part is
+    /// given by its first and last voxel.
+    fn viewcells(walls: &[[[Vec3; 3]; 2]], parts: &[[[usize; 3]; 2]]) -> Vec<Viewcell> {
+        let mut scene = Scene::new();
+        for wall in walls {
+            let bounds = Aabb::from_points(wall.as_flattened().iter().copied());
+            let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+            scene.set_triangles(id, *wall).unwrap();
+        }
+        let grid = Grid::new(DVec3::ZERO, DVec3::splat(4.0)).unwrap();
+        let camera = CameraRange { radius: 0.52 * 3f64.sqrt() / 0.99, ..CameraRange::default() };
+        let solids = SolidTriangles::new(&grid, &scene, &camera, [DVec3::ZERO, DVec3::splat(4.0)]).unwrap();
+        assert_eq!(solids.counts, [8; 3], "voxels along each axis");
+        let (mut all, parts) = (Vec::new(), parts.iter().map(|&[first, last]| VoxelBounds { first, last }));
+        add_viewcells(&solids, [0; 3], parts, &mut all).unwrap();
+        all
+    }
+
+    /// A part is extended up to 5 mm before a wall, the gap of voxels of half a metre, and no wall moves a
+    /// side into the part. A wall that the extended part misses by less than half of the gap is in its way.
+    #[test]
+    fn parts_end_a_gap_before_walls() {
+        let all = [-9.0, 9.0];
+        for axis in 0..3 {
+            let turned = |mut place: [usize; 3]| {
+                place.rotate_right(axis);
+                place
+            };
+            let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
+            // The lower half of the box along `axis`, in the lower half on the next axis too.
+            let low = [turned([0, 0, 0]), turned([3, 3, 7])];
+            for (at, expected) in [(3.0, 2.995), (2.003, 2.0), (9.0, 4.0)] {
+                let found = viewcells(&[rectangle(axis, at, all, all)], &[low]);
+                let [cell] = &found[..] else { panic!("{found:?}") };
+                assert!((cell.max[axis] - expected).abs() < 1e-6, "axis {axis}: a wall at {at}: {cell:?}");
+                assert_eq!(cell.min, DVec3::ZERO, "axis {axis}: the lower sides are those of the box");
+                assert_eq!([cell.max[u], cell.max[v]], [4.0; 2], "axis {axis}: the other sides");
+            }
+            let high = [turned([4, 4, 0]), turned([7, 7, 7])];
+            for (at, expected) in [(1.0, 1.005), (1.997, 2.0), (-9.0, 0.0)] {
+                let found = viewcells(&[rectangle(axis, at, all, all)], &[high]);
+                let [cell] = &found[..] else { panic!("{found:?}") };
+                assert!((cell.min[axis] - expected).abs() < 1e-6, "axis {axis}: a wall at {at}: {cell:?}");
+                assert_eq!(cell.max, DVec3::splat(4.0), "axis {axis}: the upper sides are those of the box");
+            }
+        }
+        // Walls along x beside the part, which is extended along x first.
+        let low = [[0; 3], [3, 3, 7]];
+        for (begin, expected) in [(2.002, 2.995), (2.003, 4.0)] {
+            let found = viewcells(&[rectangle(0, 3.0, [begin, 9.0], all)], &[low]);
+            assert!((found[0].max.x - expected).abs() < 1e-6, "a wall from y = {begin}: {found:?}");
+        }
+        // A ceiling above the box is in the way if it is nearer than half of the gap.
+        for (at, expected) in [(4.002, 3.997), (4.003, 4.0)] {
+            let found = viewcells(&[rectangle(2, at, all, all)], &[[[0; 3], [7, 7, 3]]]);
+            assert!((found[0].max.z - expected).abs() < 1e-6, "a ceiling at {at}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn viewcells_inside_another_are_left_out() {
+        let wall = rectangle(0, 3.0, [-9.0, 1.0], [-9.0, 9.0]);
+        let (before, beside, whole) = ([[0; 3], [3, 1, 7]], [[0, 4, 0], [3, 7, 7]], [[0; 3], [7; 3]]);
+        assert_eq!(viewcells(&[wall], &[before, before]).len(), 1, "equal viewcells");
+        assert_eq!(viewcells(&[wall], &[before, beside]).len(), 2, "viewcells that overlap");
+        let all = Viewcell::from_box(DVec3::ZERO, DVec3::splat(4.0));
+        for parts in [[before, whole], [whole, before]] {
+            assert_eq!(viewcells(&[wall], &parts), std::slice::from_ref(&all), "one inside the other");
+        }
+    }
+}

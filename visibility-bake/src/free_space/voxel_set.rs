@@ -122,3 +122,57 @@ impl VoxelBounds {
         self.add([0, 1, 2].map(|axis| place[axis].saturating_add(around[axis]).min(counts[axis] - 1)));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::Random;
+
+    /// Parts of random sets are those that a flood of single voxels finds, each with its bounds.
+    #[test]
+    fn parts_are_connected_through_faces() {
+        let mut random = Random(1);
+        for round in 0..300 {
+            let counts = [(); 3].map(|()| 1 + random.below(5));
+            let mut set = VoxelSet::empty(counts);
+            let all = set.all();
+            let share = 1 + random.below(4);
+            all.clone().filter(|_| random.below(5) < share).for_each(|voxel| set.insert(voxel));
+            let is_in: Vec<bool> = all.clone().map(|voxel| set.contains(voxel)).collect();
+            let mut is_taken = vec![false; all.len()];
+            for start in all {
+                let mut list = vec![start];
+                let (mut first, mut last) = ([usize::MAX; 3], [0; 3]);
+                while let Some(voxel) = list.pop() {
+                    if !is_in[voxel] || std::mem::replace(&mut is_taken[voxel], true) {
+                        continue;
+                    }
+                    let place = voxel_place(voxel, counts);
+                    for axis in 0..3 {
+                        (first[axis], last[axis]) =
+                            (first[axis].min(place[axis]), last[axis].max(place[axis]));
+                        for step in [-1, 1] {
+                            let mut other = place;
+                            other[axis] = other[axis].wrapping_add_signed(step);
+                            if other[axis] < counts[axis] {
+                                list.push(voxel_number(other, counts));
+                            }
+                        }
+                    }
+                }
+                let expected = (first[0] != usize::MAX).then_some((first, last));
+                let found = set.take_part(start).map(|part| (part.first, part.last));
+                assert_eq!(found, expected, "round {round}: the part of voxel {start} of {counts:?}");
+                let is_left = (0..is_in.len()).all(|at| set.contains(at) == (is_in[at] && !is_taken[at]));
+                assert!(is_left, "round {round}: the voxels that are left after that of {start}");
+            }
+        }
+    }
+
+    #[test]
+    fn bounds_are_extended_within_the_box() {
+        let mut bounds = VoxelBounds { first: [2; 3], last: [2; 3] };
+        bounds.add_around([3, 1, 0], [1, 2, usize::MAX], [4, 4, 5]);
+        assert_eq!((bounds.first, bounds.last), ([2, 0, 0], [3, 3, 4]), "places around a voxel");
+    }
+}

@@ -57,3 +57,24 @@ impl Grid {
         Ok(found.into_iter().map(|[z, y, x]| self.cell([x, y, z])).collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Heights that give too many viewcells, or viewcells too far away, are errors.
+    #[test]
+    fn heights_are_within_the_places_of_a_grid() {
+        let grid = Grid::new(DVec3::ZERO, DVec3::ONE).unwrap();
+        let floor = [[0.25, 0.25, 0.0], [0.75, 0.25, 0.0], [0.25, 0.75, 0.0]].map(DVec3::from_array);
+        let count = |low: f64, high: f64| {
+            let camera = CameraRange { heights: Some([low, high]), ..CameraRange::default() };
+            grid.above(&[floor], &camera).map(|cells| cells.len())
+        };
+        assert_eq!(count(1.5, 3.5), Ok(3), "three levels");
+        assert_eq!(count(0.0, 1e9), Err(GridError::TooMany), "too many levels");
+        for far in [1e16, -1e16] {
+            assert_eq!(count(far, far), Err(GridError::TooMany), "a level {far} m above the floor");
+        }
+    }
+}

@@ -380,6 +380,28 @@ mod tests {
         assert_eq!(seen(&scene, &view(), [glass, behind]), [true, false], "behind a wall behind glass");
     }
 
+    /// Of an occluder that the near plane cuts, what is certainly beyond that plane hides; of one in the
+    /// plane, nothing is.
+    #[test]
+    fn what_the_near_plane_cuts_hides_by_what_is_beyond_it() {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.2, 1.0, 0.125, f64::INFINITY).unwrap();
+        let floor =
+            |x: [f32; 2], z: f32| [[[x[0], -9.0, z], [x[1], 0.0, z], [x[0], 9.0, z]].map(Vec3::from_array)];
+        for (object, is_hidden) in [(OBJECT, false), (OCCLUDER, true)] {
+            let mut scene = Scene::new();
+            let pane = insert(&mut scene, [across(0.125, 3.0)], object);
+            let behind = insert(&mut scene, [across(5.0, 1.0)], OBJECT);
+            assert_eq!(seen(&scene, &view, [pane, behind]), [true; 2], "behind a pane in the near plane");
+
+            let mut scene = Scene::new();
+            let ground = insert(&mut scene, floor([-9.0, 90.0], -0.5), object);
+            let below = insert(&mut scene, floor([3.0, 5.0], -1.0), OBJECT);
+            let found = seen(&scene, &view, [ground, below]);
+            assert_eq!(found, [true, !is_hidden], "below ground that the near plane cuts, of {object:?}");
+        }
+    }
+
     /// Lines of the tree have the error of the projection, and those of a polygon the error of its corners.
     #[test]
     fn lines_have_the_errors_of_what_is_projected() {
@@ -407,6 +429,26 @@ mod tests {
         for (i, margin) in polygon.iter().enumerate() {
             let (p, q) = (corners[i], corners[(i + 1) % 3]);
             let wanted = 4.0 * error * (1.0 + 5.8 / (q.x - p.x).hypot(q.y - p.y));
+            assert!((margin / wanted - 1.0).abs() < 1e-9, "margin of edge {i}: {margin} of {wanted}");
+        }
+    }
+
+    /// Lines of a polygon that the near plane cuts have the error of the corners that are left.
+    #[test]
+    fn lines_of_what_the_near_plane_cuts_have_its_errors() {
+        let mut scene = Scene::new();
+        let strip = [[-1.0, -0.2], [4.0, 0.0], [-1.0, 0.2]].map(|[x, y]| Vec3::new(x, y, -0.5));
+        insert(&mut scene, [strip], OCCLUDER);
+        let mut culler = NaylorCuller::new(SceneTree::new(&scene).unwrap());
+        let mut visible = VisibleSet::new();
+        visible.fill(&scene, &view());
+        culler.cull(&scene, &view(), &mut visible);
+        let (_, found) = culler.scratch.beams.margins();
+        let image = &culler.scratch.image;
+        assert!(!image.is_whole && found.len() >= 3, "{found:?} of {image:?}");
+        for (i, margin) in found.iter().enumerate() {
+            let (p, q) = (image.polygon[i], image.polygon[(i + 1) % image.polygon.len()]);
+            let wanted = 4.0 * image.error * (1.0 + 5.8 / (q.x - p.x).hypot(q.y - p.y));
             assert!((margin / wanted - 1.0).abs() < 1e-9, "margin of edge {i}: {margin} of {wanted}");
         }
     }

@@ -376,3 +376,35 @@ fn the_better_winding_of_a_sliver_is_taken() {
         assert_eq!(!turned.is_empty(), is_turned, "{first:?}, {second:?}");
     }
 }
+
+#[test]
+fn graphs_have_up_to_a_million_cells() {
+    let graph = CellGraph::new(CellGraph::LIMIT, []).unwrap();
+    assert_eq!(graph.cell_count(), CellGraph::LIMIT, "as many cells as are allowed");
+    let count = CellGraph::LIMIT + 1;
+    let refused = CellGraph::new(count, []).map(|graph| graph.cell_count());
+    assert_eq!(refused, Err(CellGraphError::TooMany { what: "cells", count }), "one cell more");
+}
+
+#[test]
+fn graphs_are_equal_by_cells_portals_and_objects() {
+    let other = |objects: &[(u32, u32)]| {
+        let mut graph = row(3);
+        let id = |index: u32| ObjectId { index, generation: 0 };
+        graph.set_objects(objects.iter().map(|&(cell, index)| (CellId(cell), id(index)))).unwrap();
+        graph
+    };
+    assert_eq!(row(3), row(3), "graphs of the same cells and portals");
+    assert_ne!(row(3), row(4), "graphs of other portals");
+    assert_ne!(other(&[(0, 1)]), other(&[(0, 2)]), "other objects in a cell");
+    assert_ne!(other(&[(0, 1)]), other(&[(1, 1)]), "an object in another cell");
+    assert_ne!(CellGraph::new(2, []).unwrap(), CellGraph::new(3, []).unwrap(), "other cells");
+}
+
+#[test]
+fn no_chain_leaves_an_unknown_cell() {
+    assert_eq!(row(3).leak(CellId(3), |_| true), None, "a cell that does not exist");
+    let leak = row(3).leak(CellId(2), |cell| cell == CellId(0)).unwrap();
+    assert_eq!(leak.portals, [PortalId(1), PortalId(0)], "the way through both doors");
+    assert!(row(3).leak(CellId(1), |_| true).unwrap().portals.is_empty(), "a cell that is outside itself");
+}

@@ -27,3 +27,38 @@ pub fn solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
     };
     if angle.is_finite() { 2.0 * angle } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::Random;
+
+    #[test]
+    fn angles_are_right_to_a_few_thousandths() {
+        let mut rng = Random(1);
+        let mut wide = 0;
+        for case in 0..20_000 {
+            let first = rng.direction();
+            let reach = rng.pick(&[0.01, 0.3, 1.0, 3.0, 100.0]);
+            let [b, c] = [(); 2].map(|()| (first + rng.direction() * reach).normalize());
+            let y = first.dot(b.cross(c)).abs();
+            let x = 1.0 + first.dot(b) + b.dot(c) + c.dot(first);
+            let exact = 2.0 * y.atan2(x);
+            wide += u32::from(exact > PI);
+            let found = solid_angle([first, b, c]);
+            assert!((found - exact).abs() <= 0.01, "case {case}: {found} is not {exact}");
+            assert!((solid_angle([c, first, b]) - found).abs() <= 1e-9, "case {case}: another order");
+        }
+        assert!(wide > 200, "{wide} triangles are wider than half of all directions");
+    }
+
+    #[test]
+    fn degenerate_triangles_have_no_angle() {
+        assert_eq!(solid_angle([DVec3::NAN, DVec3::X, DVec3::Y]), 0.0, "a NaN");
+        assert_eq!(solid_angle([DVec3::X; 3]), 0.0, "all corners in one direction");
+        assert_eq!(solid_angle([DVec3::X, DVec3::NEG_X, DVec3::X]), 0.0, "opposite corners");
+        let high = 0.75f64.sqrt();
+        let around = [DVec3::X, DVec3::new(-0.5, high, 0.0), DVec3::new(-0.5, -high, 0.0)];
+        assert!((solid_angle(around) - 2.0 * PI).abs() < 0.01, "a triangle around the eye is half of all");
+    }
+}

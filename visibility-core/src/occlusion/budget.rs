@@ -276,3 +276,132 @@ impl LeafSampling {
         self.misses = if is_any_hidden { 0 } else { self.misses.saturating_add(1) };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn searches_end_with_their_credit_or_with_their_part_of_the_limit() {
+        assert!(!Budget::new(0, 10_000).has_credit(), "a price of 0 buys no occluder");
+        assert!(!Budget::new(0, 10_000).is_spent_in_vain(), "nothing was searched for");
+        let mut budget = Budget::new(24, 10_000);
+        budget.spend(2071.0);
+        assert!(budget.has_credit() && !budget.is_spent_in_vain(), "the credit is 2048 and one price");
+        budget.spend(1.0);
+        assert!(!budget.has_credit() && budget.is_spent_in_vain(), "the credit is spent");
+        budget.earn(21.0);
+        assert!(budget.has_credit() && !budget.is_spent_in_vain(), "21 hidden objects give new credit");
+        budget.spend(504.0);
+        assert!(budget.is_spent_in_vain(), "504 triangles are nearly nothing beside 2048");
+        budget.earn(1.0);
+        budget.spend(24.0);
+        assert!(!budget.has_credit() && !budget.is_spent_in_vain(), "528 triangles are more");
+        let mut budget = Budget::new(24, 100);
+        budget.spend(49.0);
+        assert!(budget.has_credit(), "half of the limit is left to the search");
+        budget.spend(1.0);
+        assert!(!budget.has_credit() && !budget.is_at_limit(), "the other half is for tests");
+        budget.spend_outside_search(49.0);
+        assert!(!budget.is_at_limit(), "one triangle is left");
+        budget.lower_limit(1.0);
+        assert!(budget.is_at_limit() && budget.spent() == 99.0, "the limit was lowered, but not spent");
+        let budget = Budget::new(24, 100);
+        assert!(budget.can_test(499) && !budget.can_test(501), "two tests for each of 500 objects");
+    }
+
+    #[test]
+    fn costly_occluders_are_bought_by_what_is_behind_them() {
+        let budget = Budget::new(24, 1 << 15);
+        assert!(budget.can_pay(512.0, 0.0, 0.0), "a cheap occluder is paid from the credit");
+        assert!(!budget.can_pay(513.0, 0.0, 0.0), "a costlier one is not");
+        assert!(budget.can_pay(513.0, 0.0, 1026.0), "unless twice its cost is behind it");
+        assert!(!budget.can_pay(513.0, 0.0, 1025.0), "no less than twice");
+        assert!(budget.can_pay(2072.0, 0.0, 1e9) && !budget.can_pay(2073.0, 0.0, 1e9), "up to the credit");
+        assert!(budget.can_pay(3000.0, 0.5, 24_000.0), "on a loan that comes back four times");
+        assert!(!budget.can_pay(3000.0, 0.5, 23_999.0), "no less than four times");
+        assert!(budget.can_pay(16_384.0, 1.0, 1e9), "up to half of the limit");
+        assert!(!budget.can_pay(16_385.0, 1.0, 1e9), "no more");
+        let mut rich = budget;
+        rich.earn(10.0);
+        assert!(rich.can_pay(752.0, 0.0, 0.0) && !rich.can_pay(753.0, 0.0, 0.0), "what was earned counts");
+        let mut lent = budget;
+        lent.pay(3000.0);
+        assert_eq!(
+            (lent.debt, lent.credit, lent.spent),
+            (3000.0, 2072.0, 3000.0),
+            "a loan leaves the credit"
+        );
+        assert!(!lent.can_pay(3000.0, 0.5, 24_000.0), "a second loan needs as much more");
+        lent.earn(100.0);
+        assert_eq!((lent.debt, lent.credit), (600.0, 2072.0), "what is earned pays back first");
+        lent.earn(100.0);
+        assert_eq!((lent.debt, lent.credit), (0.0, 3872.0), "the rest is credit");
+        let mut paid = budget;
+        paid.pay(2072.0);
+        assert_eq!((paid.debt, paid.credit), (0.0, 0.0), "the whole credit is no loan");
+    }
+
+    #[test]
+    fn occlusion_maps_draw_what_objects_are_worth() {
+        let budget = Budget::new(24, 10_000);
+        assert_eq!(budget.for_own_occluders(10.0), 240.0, "the worth of ten objects");
+        assert_eq!(budget.for_own_occluders(1e6), 3750.0, "three quarters of half of the limit");
+        assert_eq!(Budget::new(0, 10_000).for_own_occluders(1.0), 3750.0, "without a price");
+    }
+
+    /// Returns the experience of eight frames in a row with 100 objects that spent `spent` triangles in vain.
+    fn after_losses(spent: f32) -> Experience {
+        let mut budget = Budget::new(24, 10_000);
+        budget.spend(spent);
+        let mut experience = Experience::default();
+        for frame in 0..MAX_LOSSES {
+            assert!(!experience.leaves_out(100, DVec3::X * 3.0), "frame {frame} is searched");
+            experience.record(&budget, 0);
+        }
+        experience
+    }
+
+    #[test]
+    fn frames_are_left_out_after_losses_as_long_as_they_are_alike() {
+        let experience = after_losses(1000.0);
+        let is_left_out = |objects: usize, forward: DVec3| {
+            let mut trial = experience;
+            trial.leaves_out(objects, forward)
+        };
+        assert!(is_left_out(199, DVec3::X) && !is_left_out(200, DVec3::X), "twice as many objects");
+        let turned = |degrees: f64| {
+            let angle = degrees.to_radians();
+            DVec3::new(angle.cos(), angle.sin(), 0.0) * 5.0
+        };
+        assert!(is_left_out(100, turned(29.9)) && !is_left_out(100, turned(30.1)), "30 degrees");
+        assert!(is_left_out(100, DVec3::ZERO), "a parallel view does not turn");
+        let frames = |mut experience: Experience, objects: usize| {
+            (0..1000).take_while(|_| experience.leaves_out(objects, DVec3::X)).count()
+        };
+        assert_eq!(frames(experience, 1), 64, "frames in a row");
+        assert_eq!(frames(after_losses(10.0), 100), 5, "frames that save the work of 10 triangles");
+        let mut paying = experience;
+        let mut budget = Budget::new(24, 10_000);
+        budget.spend(240.0);
+        paying.record(&budget, 10);
+        assert!(!paying.leaves_out(100, DVec3::X), "ten objects are worth 240 triangles");
+        budget.spend(1000.0);
+        paying.record(&budget, 0);
+        assert!(!paying.leaves_out(100, DVec3::X), "a loss after a frame that paid for itself is the first");
+    }
+
+    #[test]
+    fn fewer_and_fewer_leaves_are_tested() {
+        let mut sampling = LeafSampling::default();
+        let mut gaps = alloc::vec::Vec::new();
+        for _ in 0..45 {
+            gaps.push((0..1000).take_while(|_| !sampling.tests_next()).count());
+            sampling.record(false);
+        }
+        let expected = (0..45).map(|test: usize| test.saturating_sub(8).min(32));
+        assert!(gaps.iter().copied().eq(expected), "leaves left out before each test: {gaps:?}");
+        sampling.record(true);
+        assert!((0..9).all(|_| sampling.tests_next()), "a hidden object begins anew");
+    }
+}

@@ -52,3 +52,48 @@ impl OccluderMesh {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Plane;
+    use crate::{Aabb, Pose, View};
+    use visibility_testing::{Random, sign_of_sum};
+
+    /// Planes of a view far from the origin of the scene, where the rounding of their offsets is greater than
+    /// that of the mesh.
+    #[test]
+    fn a_plane_of_a_view_far_away_is_not_passed_by_its_rounding() {
+        let mut rng = Random(1);
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.0, 0.1, f64::INFINITY).unwrap();
+        let mesh = OccluderMesh::cuboid(&Aabb::from_arrays([0.0; 3], [1.0, 2.0, 3.0])).unwrap();
+        let (mut cut, mut decided) = (0, 0);
+        for case in 0..20_000 {
+            let size = 10f64.powi(rng.between(3, 11));
+            let [of_view, of_scene] = [(); 2].map(|()| rng.fine_vector(size));
+            let normal = rng.fine_vector(1.0) * 10f64.powi(rng.between(-3, 3));
+            let values = mesh.bounds().corners().map(|p| normal.dot(p.as_dvec3() + (of_scene - of_view)));
+            let lowest = values.into_iter().fold(f64::INFINITY, f64::min);
+            for ulps in [-3.0, -0.5, 0.0, 0.5, 3.0, 500.0] {
+                let ulp = f64::EPSILON * size * normal.abs().element_sum();
+                let plane = Plane::new(normal, ulps * ulp - lowest);
+                let placed = view.relative_to(of_view).unwrap().with_clip_planes(&[plane]).unwrap();
+                let is_inside = mesh.is_inside(&placed.clip_planes_from(of_scene), &Affine3A::IDENTITY);
+                let is_before = |p: Vec3| {
+                    let along = |v: DVec3, sign: f64| {
+                        let factors = (normal * sign).to_array().into_iter();
+                        factors.zip(v.to_array())
+                    };
+                    let of_mesh = along(p.as_dvec3(), 1.0).chain(along(of_scene, 1.0));
+                    sign_of_sum(of_mesh.chain(along(of_view, -1.0)).chain([(plane.offset, 1.0)])) > 0
+                };
+                let is_truly_inside = mesh.bounds().corners().into_iter().all(is_before);
+                assert!(is_truly_inside || !is_inside, "case {case}, {ulps} ulps: {plane:?}");
+                assert!(is_inside || ulps < 500.0, "case {case}: decided at {ulps} ulps");
+                (cut, decided) = (cut + u32::from(!is_truly_inside), decided + u32::from(is_inside));
+            }
+        }
+        assert!(cut > 30_000 && decided >= 20_000, "{cut} are cut, {decided} are inside");
+    }
+}

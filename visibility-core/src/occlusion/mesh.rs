@@ -473,6 +473,11 @@ mod tests {
             "the triangle and the index of the vertex that does not exist"
         );
         assert_eq!(
+            OccluderMesh::from_indexed(&p, &[[0, 1, 3]]),
+            Err(MeshError::Index { triangle: 0, index: 3 }),
+            "the index just beyond the vertices"
+        );
+        assert_eq!(
             OccluderMesh::from_indexed(&p, &[[0, 1, 1]]),
             Err(MeshError::NoTriangle),
             "a triangle with the same vertex twice is left out, and none remains"
@@ -573,5 +578,105 @@ mod tests {
         let p = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let sheet = OccluderMesh::from_indexed(&p, &[[0, 1, 2], [0, 2, 1]]).unwrap();
         assert!(sheet.is_closed() && !sheet.is_convex(), "two triangles back to back enclose no volume");
+    }
+
+    /// Returns a cube from 0 to `side` whose top face is four triangles around a middle, `steps` steps of
+    /// `f32` below the other corners.
+    fn dented_cube(side: f32, steps: u32) -> OccluderMesh {
+        let mut p = Aabb::from_arrays([0.0; 3], [side; 3]).corners().to_vec();
+        p.push(Vec3::new(0.5 * side, 0.5 * side, f32::from_bits(side.to_bits() - steps)));
+        let mut triangles: Vec<_> =
+            OccluderMesh::CUBOID.into_iter().filter(|t| !t.iter().all(|i| *i >= 4)).collect();
+        triangles.extend([[4, 5, 8], [5, 7, 8], [7, 6, 8], [6, 4, 8]]);
+        OccluderMesh::from_indexed(&p, &triangles).unwrap()
+    }
+
+    /// In a cube of 1.5 m a step is 2^-23 m, and 3 steps are tolerated. Beside the slopes of a dent, the
+    /// corners on the other side stand out by twice its depth.
+    #[test]
+    fn dents_are_tolerated_up_to_two_roundings_of_the_greatest_coordinate() {
+        for (steps, is_convex) in [(0, true), (1, true), (2, false), (3, false), (100, false)] {
+            assert_eq!(dented_cube(1.5, steps).is_convex(), is_convex, "a dent of {steps} steps");
+        }
+    }
+
+    /// The tolerance is nothing for a mesh that is not more than four times as thick: a box of few steps.
+    #[test]
+    fn thin_meshes_are_convex_without_tolerance() {
+        let step = f32::EPSILON;
+        for (height, is_dented) in [(2, true), (2, false), (6, true), (6, false), (40, true), (40, false)] {
+            let mut p =
+                Aabb::from_arrays([0.0, 0.0, 1.0], [1.0, 1.0, 1.0 + height as f32 * step]).corners().to_vec();
+            let top = 1.0 + (height - i32::from(is_dented)) as f32 * step;
+            p.push(Vec3::new(0.5, 0.5, top));
+            let mut triangles: Vec<_> =
+                OccluderMesh::CUBOID.into_iter().filter(|t| !t.iter().all(|i| *i >= 4)).collect();
+            triangles.extend([[4, 5, 8], [5, 7, 8], [7, 6, 8], [6, 4, 8]]);
+            let mesh = OccluderMesh::from_indexed(&p, &triangles).unwrap();
+            let expected = !is_dented || height > 10;
+            assert_eq!(mesh.is_convex(), expected, "{height} steps thick, dented: {is_dented}");
+        }
+    }
+
+    #[test]
+    fn turned_boxes_are_convex_up_to_their_rounding() {
+        let (mut rng, mut convex) = (visibility_testing::Random(3), 0);
+        for case in 0..300 {
+            let turn = glam::DQuat::from_axis_angle(rng.direction(), rng.range(0.0, 6.0));
+            let (size, at) = (rng.direction().abs() + 0.05, rng.fine_vector(3.0));
+            let corners = Aabb::from_arrays([-1.0; 3], [1.0; 3]).corners();
+            let p = corners.map(|corner| (turn * (corner.as_dvec3() * size) + at).as_vec3());
+            let mesh = OccluderMesh::from_indexed(&p, &OccluderMesh::CUBOID).unwrap();
+            convex += usize::from(mesh.is_convex());
+            assert!(!mesh.is_cuboid(), "case {case}: a turned box is not its own bounding box");
+            let inwards = OccluderMesh::CUBOID.map(|[a, b, c]| [a, c, b]);
+            let mesh = OccluderMesh::from_indexed(&p, &inwards).unwrap();
+            assert!(mesh.is_closed() && !mesh.is_convex(), "case {case}: a turned room");
+        }
+        assert!(convex > 280, "{convex} of 300 turned boxes are convex");
+    }
+
+    /// A box keeps its corners and triangles in one order, by which cullers read them.
+    #[test]
+    fn boxes_are_kept_in_one_order() {
+        let bounds = Aabb::from_arrays([-1.0, 0.0, 2.0], [1.0, 3.0, 4.0]);
+        let corners = bounds.corners();
+        // Half a turn around z: each corner takes the place of the one across.
+        let turned: [Vec3; 8] = core::array::from_fn(|i| corners[i ^ 3]);
+        let begun_elsewhere = OccluderMesh::CUBOID.map(|[a, b, c]| [b, c, a]);
+        for (p, triangles) in
+            [(turned, OccluderMesh::CUBOID), (corners, begun_elsewhere), (turned, begun_elsewhere)]
+        {
+            let mesh = OccluderMesh::from_indexed(&p, &triangles).unwrap();
+            assert!(mesh.is_cuboid(), "{p:?} are the corners of a box");
+            assert_eq!(mesh.positions(), corners, "corners in their order");
+            assert_eq!(mesh.triangles(), OccluderMesh::CUBOID, "triangles in their order");
+        }
+    }
+
+    /// A fan of triangles around two poles: convex, of `2 * sides` triangles.
+    #[test]
+    fn solids_of_up_to_256_triangles_are_tested() {
+        for (sides, is_convex) in [(127u32, true), (128, true), (129, false)] {
+            let angle = |i: u32| f64::from(i) / f64::from(sides) * core::f64::consts::TAU;
+            let mut p: Vec<Vec3> =
+                (0..sides).map(|i| Vec3::new(angle(i).cos() as f32, angle(i).sin() as f32, 0.0)).collect();
+            p.extend([Vec3::Z, Vec3::NEG_Z]);
+            let side = |i: u32| [[i, (i + 1) % sides, sides], [(i + 1) % sides, i, sides + 1]];
+            let triangles: Vec<_> = (0..sides).flat_map(side).collect();
+            let mesh = OccluderMesh::from_indexed(&p, &triangles).unwrap();
+            assert!(mesh.is_closed(), "{sides} sides are closed");
+            assert_eq!(mesh.is_convex(), is_convex, "{} triangles", 2 * sides);
+        }
+    }
+
+    #[test]
+    fn areas_are_those_of_the_faces_that_are_seen() {
+        let p = [Vec3::ZERO, Vec3::X, Vec3::Y * 2.0];
+        let one = OccluderMesh::from_indexed(&p, &[[0, 1, 2]]).unwrap();
+        assert_eq!([Vec3::Z, Vec3::NEG_Z].map(|d| one.area_towards(d)), [1.0, 0.0], "front and back");
+        let two = one.with_two_sided(true);
+        assert_eq!([Vec3::Z, Vec3::NEG_Z].map(|d| two.area_towards(d)), [1.0, 1.0], "both sides");
+        assert_eq!(two.area_towards(Vec3::X), 0.0, "seen edge on");
     }
 }

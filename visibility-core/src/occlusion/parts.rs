@@ -152,4 +152,16 @@ mod tests {
         one.pop();
         assert!(OccluderMesh::from_triangles(&one).unwrap().parts().is_empty(), "a single box with a hole");
     }
+
+    #[test]
+    fn one_box_beside_loose_triangles_is_a_part() {
+        let mut triangles = cuboid([0.0; 3], [1.0; 3]);
+        triangles.push([Vec3::splat(5.0), Vec3::new(6.0, 5.0, 5.0), Vec3::new(5.0, 6.0, 5.0)]);
+        let mesh = OccluderMesh::from_triangles(&triangles).unwrap();
+        let counts: Vec<_> = mesh.parts().iter().map(|part| part.triangles().len()).collect();
+        assert_eq!(counts, [12, 1], "a box and a triangle");
+        assert_eq!(mesh.solid_triangles(), 12, "triangles of the box");
+        let flat = OccluderMesh::from_triangles(&triangles[10..]).unwrap();
+        assert!(flat.parts().is_empty() && flat.solid_triangles() == 0, "no solid");
+    }
 }

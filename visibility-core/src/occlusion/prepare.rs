@@ -135,3 +135,43 @@ impl Scene {
         made
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    fn count(triangles: &[Triangle], preparation: Preparation) -> usize {
+        prepare(triangles, &preparation).map_or(0, |mesh| mesh.triangles().len())
+    }
+
+    /// Returns the right triangle of height `height` over a side of 1 m, with its corners turned by `turn`.
+    fn flat(height: f32, turn: usize) -> Triangle {
+        let mut t = [Vec3::ZERO, Vec3::X, Vec3::new(0.5, height, 0.0)];
+        t.rotate_left(turn);
+        t
+    }
+
+    #[test]
+    fn slivers_are_left_out() {
+        let sliver = Preparation::default().with_sliver(0.125);
+        for turn in 0..3 {
+            assert_eq!(count(&[flat(0.125, turn)], sliver), 0, "a sliver at the threshold, turned by {turn}");
+            assert_eq!(count(&[flat(0.1251, turn)], sliver), 1, "above the threshold, turned by {turn}");
+        }
+        let all = Preparation::default().with_sliver(0.0);
+        assert_eq!(count(&[flat(1e-30, 0)], all), 1, "all triangles with an area");
+        assert_eq!(count(&[flat(0.0, 0)], all), 0, "a triangle without an area");
+        let infinite = [Vec3::ZERO, Vec3::X, Vec3::Y * f32::INFINITY];
+        assert_eq!(count(&[infinite, flat(1.0, 0)], all), 1, "a triangle that is not finite");
+    }
+
+    #[test]
+    fn small_triangles_are_left_out() {
+        let two = [flat(1.0, 0), flat(0.25, 1)];
+        for (share, kept) in [(0.0, 2), (0.25, 2), (0.26, 1), (1.0, 1)] {
+            let preparation = Preparation::default().with_min_area(share);
+            assert_eq!(count(&two, preparation), kept, "triangles of at least {share} of the largest");
+        }
+    }
+}

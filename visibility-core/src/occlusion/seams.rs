@@ -87,3 +87,41 @@ fn is_continued(bounds: &Aabb, beside: &Aabb) -> bool {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     lies_in_plane && (ends_meet(u) && overlaps(v) || ends_meet(v) && overlaps(u))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A panel of 4 m by 3 m, 0.2 m thick along x, beside others that lie from `min` to `max`.
+    fn continues(min: [f32; 3], max: [f32; 3]) -> bool {
+        let panel = Aabb::from_arrays([0.0; 3], [0.2, 4.0, 3.0]);
+        is_continued(&panel, &Aabb::from_arrays(min, max))
+    }
+
+    #[test]
+    fn panels_continue_where_they_meet_end_to_end_in_one_plane() {
+        assert!(continues([0.0, 4.0, 0.0], [0.2, 8.0, 3.0]), "beside it, along y");
+        assert!(continues([0.0, -4.0, 0.0], [0.2, 0.0, 3.0]), "before it, along y");
+        assert!(continues([0.0, 0.0, 3.0], [0.2, 4.0, 6.0]), "above it");
+        assert!(continues([0.0, 0.0, -3.0], [0.2, 4.0, 0.0]), "below it");
+        assert!(
+            continues([0.002, 4.003, 2.9], [0.203, 8.0, 5.0]),
+            "off by less than 4 mm, overlapping by 0.1 m"
+        );
+        assert!(!continues([0.0, 4.005, 0.0], [0.2, 8.0, 3.0]), "5 mm apart");
+        assert!(!continues([0.0, 3.99, 0.0], [0.2, 8.0, 3.0]), "overlapping by 1 cm");
+        assert!(!continues([0.01, 4.0, 0.0], [0.2, 8.0, 3.0]), "thinner in front");
+        assert!(!continues([0.0, 4.0, 0.0], [0.21, 8.0, 3.0]), "thicker behind");
+        assert!(!continues([0.0, 4.0, 2.999], [0.2, 8.0, 6.0]), "overlapping by 1 mm");
+        assert!(!continues([0.0, 4.0, 3.0], [0.2, 8.0, 6.0]), "corner to corner");
+        assert!(!continues([0.0, 4.0, 0.0], [0.2, 4.1, 3.0]), "thinnest along another axis");
+        assert!(!continues([0.0, 0.0, 0.0], [0.2, 4.0, 3.0]), "the panel itself");
+    }
+
+    #[test]
+    fn seams_are_found_within_a_thousandth() {
+        let bounds = Aabb::from_arrays([0.0; 3], [0.2, 4.0, 3.0]);
+        let grown = grown(&bounds);
+        assert_eq!((grown.min.y, grown.max.y), (-0.004, 4.004), "grown by a thousandth of the longest side");
+    }
+}

@@ -403,3 +403,115 @@ fn distance_key(eye: &Eye, bounds: &Aabb) -> f32 {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::view::{Depth, Pose};
+    use glam::{DMat4, Mat3A};
+
+    fn cube(half: f32) -> OccluderMesh {
+        OccluderMesh::cuboid(&Aabb::from_arrays([-half; 3], [half; 3])).unwrap()
+    }
+
+    fn eye(x: f64) -> Eye {
+        Eye::Point(DVec3::new(x, 0.0, 0.0))
+    }
+
+    /// Row `w` of a view that looks along x from `x`.
+    fn ahead(x: f64) -> DVec4 {
+        DVec4::new(1.0, 0.0, 0.0, -x)
+    }
+
+    #[test]
+    fn boxes_are_visited_by_the_distance_of_their_nearest_point() {
+        let bounds = Aabb::from_arrays([1.0, -1.0, -1.0], [3.0, 1.0, 1.0]);
+        assert_eq!(
+            [2.0, 1.0, 0.0, 5.0].map(|x| distance_key(&eye(x), &bounds)),
+            [0.0, 0.0, 1.0, 4.0],
+            "eyes"
+        );
+        let along = |v: DVec3| distance_key(&Eye::Direction(v), &bounds);
+        assert_eq!(
+            [along(DVec3::X), along(DVec3::NEG_X), along(DVec3::Y)],
+            [1.0, -3.0, -1.0],
+            "parallel views"
+        );
+        let at = |distance_key: f32, child: Child| Waiting {
+            distance_key,
+            tested: 0,
+            child,
+            objects: 1.0,
+            bounds,
+        };
+        let object = Child::Object(ObjectId { index: 1, generation: 0 });
+        let order =
+            [at(1.0, Child::Node(7)), at(2.0, Child::Node(3)), at(2.0, Child::Node(4)), at(2.0, object)];
+        assert!(order.is_sorted(), "by distance, then nodes before objects, then by number");
+        assert!(
+            order[0] != order[1] && order[1] == at(2.0, Child::Node(3)),
+            "equal entries are of one child"
+        );
+    }
+
+    #[test]
+    fn views_of_90_degrees_show_four_square_metres_at_one_metre() {
+        let pose = Pose::look_at(DVec3::ONE, DVec3::ZERO, DVec3::Z);
+        let view = View::perspective(pose, 90f64.to_radians(), 1.0, 0.1, 100.0).unwrap();
+        let share = share_per_area(&view, &view.eye(DVec3::ZERO), DVec3::ZERO);
+        assert!((share - 0.25).abs() < 1e-6, "a square metre covers {share} of the view");
+        let matrix = DMat4::from_scale(DVec3::new(0.5, 0.25, 0.1));
+        let view = View::from_clip_from_world(matrix, Depth::ZeroToOne).unwrap();
+        let share = share_per_area(&view, &view.eye(DVec3::ZERO), DVec3::ZERO);
+        assert!((share - 1.0 / 32.0).abs() < 1e-6, "a square metre covers {share} of 4 m by 8 m");
+    }
+
+    #[test]
+    fn far_meshes_cover_their_area_by_the_squared_distance() {
+        let (mesh, scaled) = (cube(1.0), Affine3A::from_scale(Vec3::new(1.0, 2.0, 3.0)));
+        let near_enough = |found: f32, exact: f32| (found - exact).abs() <= 0.01 * exact;
+        let found = solid_angle(&mesh, &Affine3A::IDENTITY, &eye(100.0));
+        assert!(near_enough(found, 4e-4), "4 m^2 at 100 m: {found}");
+        let found = solid_angle(&mesh, &scaled, &eye(100.0));
+        assert!(near_enough(found, 24e-4), "24 m^2 at 100 m: {found}");
+        let found = solid_angle(&mesh, &scaled, &Eye::Direction(DVec3::Y));
+        assert!(near_enough(found, 12.0), "12 m^2 along y: {found}");
+        let inside = solid_angle(&mesh, &Affine3A::IDENTITY, &eye(0.1));
+        assert!(near_enough(inside, 4.0 / 3.0), "the distance counts as the radius at least: {inside}");
+        let flat = Affine3A { matrix3: Mat3A::ZERO, ..Affine3A::IDENTITY };
+        assert_eq!(solid_angle(&mesh, &flat, &eye(9.0)), 0.0, "a degenerate transform");
+        assert_eq!(radius_squared(&mesh, &scaled), 14.0, "the square of half the diagonal");
+    }
+
+    #[test]
+    fn an_eye_within_two_radii_is_near() {
+        let (mesh, radius) = (cube(1.0), 3f64.sqrt());
+        let near = |x: f64| is_near(&mesh, &Affine3A::IDENTITY, &eye(x));
+        assert!(near(0.0) && near(1.99 * radius) && !near(2.01 * radius), "two radii");
+        assert!(!is_near(&mesh, &Affine3A::IDENTITY, &Eye::Direction(DVec3::X)), "a parallel view");
+        assert!(!is_near(&mesh, &Affine3A::IDENTITY, &eye(f64::NAN)), "an eye that is NaN");
+    }
+
+    #[test]
+    fn triangles_before_the_eye_that_show_their_fronts_count() {
+        let (mesh, four_pi) = (cube(1.0), 4.0 * core::f32::consts::PI);
+        let mirrored = Affine3A::from_scale(Vec3::new(1.0, 1.0, -1.0));
+        let angle = |mesh: &OccluderMesh, transform: &Affine3A, x: f64, row: DVec4| {
+            solid_angle_by_triangles(mesh, transform, &eye(x), row)
+        };
+        // A face of a cube covers a sixth of all directions of its middle; at 3 m, the face is 2 m away.
+        let face = angle(&mesh, &Affine3A::IDENTITY, -3.0, ahead(-3.0));
+        let exact = 4.0 * (1.0 / (2.0 * 6f64.sqrt())).atan() as f32;
+        assert!((face - exact).abs() < 0.05 * exact, "a face of 2 m at 2 m: {face}, not {exact}");
+        let again = angle(&mesh, &mirrored, -3.0, ahead(-3.0));
+        assert!((again - face).abs() < 1e-3, "a mirrored cube shows its fronts: {again}");
+        assert_eq!(angle(&mesh, &Affine3A::IDENTITY, 0.0, ahead(0.0)), 0.0, "backs from within");
+        let two_sided = mesh.clone().with_two_sided(true);
+        let around = angle(&two_sided, &Affine3A::IDENTITY, 0.0, ahead(0.0));
+        assert!(around > 0.75 * four_pi && around < 0.9 * four_pi, "all but the face behind: {around}");
+        assert_eq!(angle(&mesh, &Affine3A::IDENTITY, 3.0, ahead(3.0)), 0.0, "a cube behind the eye");
+        let parallel = Eye::Direction(DVec3::X);
+        let none = solid_angle_by_triangles(&mesh, &Affine3A::IDENTITY, &parallel, ahead(0.0));
+        assert_eq!(none, 0.0, "a parallel view");
+    }
+}

@@ -50,3 +50,24 @@ pub fn importance(scene: &Scene, id: ObjectId, min: DVec3, max: DVec3) -> f64 {
     let distance = (low - max).max(min - high).max(DVec3::ZERO).length();
     if distance > 0.0 { (high - low).length() / distance } else { f64::INFINITY }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Aabb;
+
+    #[test]
+    fn what_touches_a_place_matters_most_however_small_it_is() {
+        let mut scene = Scene::new();
+        let [low, high] = [DVec3::ZERO, DVec3::splat(4.0)];
+        for at in [[0.0; 3], [1.0, 2.0, 3.0], [4.0; 3], [4.0, 2.0, 0.0]] {
+            let point = scene.insert(Aabb::from_arrays(at, at));
+            assert_eq!(importance(&scene, point, low, high), f64::INFINITY, "a point at {at:?}");
+        }
+        // 3 and 4 m from a corner of the place, 12 m long, on either side of it.
+        for (min, max) in [([-6.0, -16.0, 1.0], [-3.0, -4.0, 5.0]), ([7.0, 8.0, 1.0], [10.0, 20.0, 5.0])] {
+            let beside = scene.insert(Aabb::from_arrays(min, max));
+            assert_eq!(importance(&scene, beside, low, high), 13.0 / 5.0, "{min:?} to {max:?}");
+        }
+    }
+}

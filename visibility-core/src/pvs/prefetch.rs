@@ -231,3 +231,62 @@ fn cut([from, to]: [f64; 2], height: f64, slope: f64) -> Option<(f64, f64)> {
     };
     (from <= to).then_some((from, to))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Plane;
+    use visibility_testing::Random;
+
+    /// The end of a path as a caller computes it is in a box that begins there, and within `reach` of one
+    /// that begins that much farther.
+    #[test]
+    fn the_callers_own_end_of_a_path_is_in_a_box_that_begins_there() {
+        let mut random = Random(4);
+        for case in 0..3000 {
+            let (start, velocity) = (random.fine_vector(9.0), random.fine_vector(2.0));
+            let (seconds, axis) = (random.fine_unit() * 3.0, case % 3);
+            let (path, end) = (Path { start, step: velocity * seconds }, start + velocity * seconds);
+            for reach in [0.0, random.fine_unit()] {
+                let [mut min, mut max] = [DVec3::NEG_INFINITY, DVec3::INFINITY];
+                // The sum is rounded, so that a step nearer is within `reach`.
+                match (velocity[axis] > 0.0, reach > 0.0) {
+                    (true, false) => min[axis] = end[axis],
+                    (false, false) => max[axis] = end[axis],
+                    (true, true) => min[axis] = (end[axis] + reach).next_down(),
+                    (false, true) => max[axis] = (end[axis] - reach).next_up(),
+                }
+                let part = path.part_in_box(min, max, reach);
+                assert!(part.is_some(), "case {case}: {start} to {end}, reach {reach}, from {min} to {max}");
+            }
+        }
+    }
+
+    /// A path that begins or ends in a viewcell, by exact arithmetic with whole numbers, meets it.
+    #[test]
+    fn a_path_with_an_end_on_a_face_meets_the_viewcell() {
+        let mut random = Random(9);
+        let (mut kept, mut rounded) = (0, 0);
+        for case in 0..4000 {
+            let mut whole = |bits: u32| [(); 3].map(|()| i128::from(random.between(-(1 << bits), 1 << bits)));
+            let (normal, start, end) = (whole(29), whole(30), whole(30));
+            let at = |[x, y, z]: [i128; 3]| DVec3::new(x as f64, y as f64, z as f64);
+            let dot = |p: [i128; 3]| normal[0] * p[0] + normal[1] * p[1] + normal[2] * p[2];
+            let on_face = if case % 2 == 0 { start } else { end };
+            let offset = -dot(on_face) as f64;
+            let plane = Plane::new(at(normal), offset);
+            if dot(on_face) + (offset as i128) < 0 {
+                continue;
+            }
+            kept += 1;
+            rounded += usize::from(plane.signed_distance(at(on_face)) < 0.0);
+            let cell = Viewcell {
+                planes: alloc::vec![plane],
+                ..Viewcell::from_box(DVec3::NEG_INFINITY, DVec3::INFINITY)
+            };
+            let path = Path { start: at(start), step: at(end) - at(start) };
+            assert!(path.part_in_cell(&cell, 0.0).is_some(), "case {case}: {start:?} to {end:?}, {plane:?}");
+        }
+        assert!(kept > 1000 && rounded > 100, "{kept} ends in the viewcell, {rounded} of them rounded out");
+    }
+}

@@ -14,7 +14,7 @@ pub(super) fn write_runs(row: impl Iterator<Item = u32>, out: &mut Vec<u8>) {
         before = end;
     };
     for number in row {
-        if number != end || start == end {
+        if number != end {
             if start != end {
                 flush(start, end);
             }

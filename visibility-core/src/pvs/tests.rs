@@ -286,6 +286,56 @@ fn several_viewcells_see_what_any_of_them_sees() {
     }
 }
 
+/// What follows the last row, here a source, is no row, although the offsets of blocks can be read so that
+/// they lead there.
+#[test]
+fn a_viewcell_after_the_last_one_has_no_row() {
+    let bits = |count: u32| (0..4 * count).map(|x| 2 * x).collect::<Vec<u32>>();
+    let mut rows = vec![vec![16, 18, 20, 22], vec![0, 2]];
+    rows.extend(vec![bits(34); 14]);
+    let pvs = Pvs::new(PvsTargets::Objects, 300, &rows, |_| []).unwrap();
+    // The second offset of a block after the last one is the first row, 4, 2, 0, 0: byte 516 of the rows.
+    assert_eq!(pvs.rows_end(), HEADER_LENGTH + 2 * 4 + 512, "the end of the rows");
+    assert_eq!(pvs.word(HEADER_LENGTH + 2 * 4), 516, "the first bytes of the rows");
+    // Three bytes follow: a form, 0 absent targets and 100 present ones.
+    let pvs = pvs.with_source(u64::from_le_bytes([3, 0, 0, 100, 0, 0, 0, 0]));
+    let (mut words, mut row) = (Vec::new(), Vec::new());
+    assert!(!pvs.write_bits(ViewcellId(16), &mut words), "an unknown viewcell");
+    assert!(words.iter().all(|&word| word == 0) && !pvs.sees(ViewcellId(16), 50), "{words:?} seen");
+    pvs.write_union(&[ViewcellId(16)], &mut words, &mut row);
+    let count: u32 = words.iter().map(|word| word.count_ones()).sum();
+    assert_eq!(count, 300, "an unknown viewcell sees all targets in a union");
+}
+
+#[test]
+fn only_rows_before_a_row_are_its_bases() {
+    let rows: Vec<Vec<u32>> =
+        (0..9).map(|row| (0..300).filter(|x| x % 9 < 4 || *x == row).collect()).collect();
+    let new = |neighbours: &dyn Fn(u32) -> Vec<u32>| {
+        let bases = |cell: ViewcellId| neighbours(cell.0).into_iter().map(ViewcellId);
+        Pvs::new(PvsTargets::Cells, 300, &rows, bases).unwrap()
+    };
+    let alone = new(&|_| vec![]);
+    assert_eq!(new(&|row| vec![row]), alone, "a row as its own base");
+    assert_eq!(new(&|row| (row..9).collect()), alone, "rows after the row as its bases");
+    assert!(
+        new(&|row| (0..row).collect()).bytes.len() < alone.bytes.len(),
+        "rows before the row as its bases"
+    );
+}
+
+#[test]
+fn more_targets_than_can_be_numbered_are_refused() {
+    let new =
+        |count| Pvs::new(PvsTargets::Objects, count, &[[0; 0]; 0], |_| []).map(|pvs| pvs.target_count());
+    let most = u32::MAX as usize;
+    assert_eq!(
+        [new(most), new(most + 1)],
+        [Ok(most), Err(PvsError::Size)],
+        "the greatest number, and one more"
+    );
+}
+
 #[test]
 fn rows_that_make_no_sense_are_not_taken() {
     let new = |row: &[u32]| Pvs::new(PvsTargets::Cells, 9, &[row], |_| []).unwrap_err();

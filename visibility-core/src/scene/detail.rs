@@ -308,3 +308,121 @@ impl Scene {
         self.ranged -= usize::from(old.range != DrawRange::ALWAYS);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec::Vec;
+
+    fn scene(count: usize) -> (Scene, Vec<ObjectId>) {
+        let mut scene = Scene::new();
+        let ids = scene.insert_batch((0..count).map(|_| Aabb::from_arrays([0.0; 3], [1.0; 3])));
+        (scene, ids)
+    }
+
+    /// Makes each of `ids` the child of the next.
+    fn chain(scene: &mut Scene, ids: &[ObjectId]) {
+        for pair in ids.windows(2) {
+            scene.set_hlod_parent(pair[0], Some(pair[1])).unwrap();
+        }
+    }
+
+    #[test]
+    fn an_object_has_at_most_64_parents_above_it() {
+        let (mut whole, ids) = scene(66);
+        chain(&mut whole, &ids[..65]);
+        assert_eq!(
+            whole.set_hlod_parent(ids[64], Some(ids[65])),
+            Err(SceneError::TooManyParents(ids[64])),
+            "the first object would have 65 parents"
+        );
+        assert_eq!(whole.set_hlod_parent(ids[63], None), Ok(()), "a parent may always be taken away");
+        for (below, is_ok) in [(40, true), (41, false)] {
+            let (mut scene, ids) = scene(65 + 2);
+            let (low, high) = ids[..below + 24 + 1].split_at(below + 1);
+            chain(&mut scene, low);
+            chain(&mut scene, high);
+            // A second child, on either side of the first in the list, has fewer descendants.
+            let other = ids[ids.len() - 1];
+            scene.set_hlod_parent(other, Some(low[below / 2])).unwrap();
+            let linked = scene.set_hlod_parent(low[below], Some(high[0]));
+            let error = Err(SceneError::TooManyParents(low[below]));
+            assert_eq!(linked, if is_ok { Ok(()) } else { error }, "{below} levels below 24 parents");
+            scene.set_hlod_parent(low[below], None).unwrap();
+            assert_eq!(scene.levels_below(low[below]), below as u32, "levels below");
+            assert_eq!(scene.levels_below(ids[0]), 0, "an object without children");
+        }
+    }
+
+    #[test]
+    fn no_object_is_its_own_parent() {
+        let (mut scene, ids) = scene(4);
+        chain(&mut scene, &ids);
+        for id in ids.iter().copied() {
+            assert_eq!(
+                scene.set_hlod_parent(ids[3], Some(id)),
+                Err(SceneError::Parent(ids[3])),
+                "{id} is the object or below it"
+            );
+        }
+        let gone = ids[1];
+        scene.remove(gone).unwrap();
+        assert_eq!(scene.hlod_parent(ids[0]), Ok(None), "the child of a removed parent has none");
+        let unknown = Err(SceneError::UnknownObject(gone));
+        assert_eq!(scene.set_hlod_parent(ids[0], Some(gone)), unknown, "a removed parent");
+        assert_eq!(scene.set_hlod_parent(gone, None), unknown, "a removed child");
+    }
+
+    #[test]
+    fn an_object_with_details_is_not_always_drawn() {
+        let (mut scene, ids) = scene(5);
+        let [child, parent, ranged, plain, gone] = ids[..] else { panic!("five objects") };
+        scene.set_hlod_parent(child, Some(parent)).unwrap();
+        scene.set_draw_range(ranged, DrawRange { end: 9.0, ..DrawRange::ALWAYS }).unwrap();
+        scene.set_hlod_parent(gone, Some(parent)).unwrap();
+        scene.remove(gone).unwrap();
+        let again = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+        assert_eq!(again.index(), gone.index(), "the place is taken again");
+        let all = [child, parent, ranged, plain, gone, again];
+        let drawn = all.map(|id| scene.is_always_drawn(id));
+        assert_eq!(
+            drawn,
+            [false, false, false, true, false, true],
+            "plain objects are, unknown ones are not"
+        );
+        let parents = all.map(|id| scene.is_hlod_parent(id));
+        assert_eq!(parents, [false, true, false, false, false, false], "one is a parent");
+        scene.remove(parent).unwrap();
+        scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+        assert!(!scene.is_hlod_parent(parent) && scene.is_always_drawn(child), "the parent is gone");
+        assert_eq!(scene.draw_range_count(), 1, "objects with a draw range");
+        scene.set_draw_range(ranged, DrawRange::ALWAYS).unwrap();
+        assert_eq!(scene.draw_range_count(), 0, "objects with a draw range");
+    }
+
+    #[test]
+    fn an_id_of_before_is_no_parent() {
+        let (mut scene, ids) = scene(2);
+        scene.remove(ids[0]).unwrap();
+        let again = scene.insert(Aabb::from_arrays([0.0; 3], [1.0; 3]));
+        assert_eq!(again.index(), ids[0].index(), "the object takes the place of the other");
+        scene.set_hlod_parent(ids[1], Some(again)).unwrap();
+        assert!(scene.is_hlod_parent(again) && !scene.is_hlod_parent(ids[0]), "parents");
+    }
+
+    #[test]
+    fn lanes_are_of_layers_and_occluders_of_flags() {
+        let bounds = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+        let lanes = |scene: &Scene, layers: u32| -> u32 {
+            (0..scene.leaf_limit()).map(|leaf| scene.lanes_on_layers(leaf, layers).count_ones()).sum()
+        };
+        let mut scene = Scene::new();
+        let plain = scene.insert(bounds);
+        assert_eq!([0, 1].map(|layers| lanes(&scene, layers)), [0, 1], "an object on all layers");
+        let wall = scene.insert(crate::Object { occluder: true, layers: 2, ..crate::Object::new(bounds) });
+        assert_eq!([0, 2, 4].map(|layers| lanes(&scene, layers)), [0, 2, 1], "and one on layer 2");
+        let improper = Aabb::from_arrays([f32::NAN; 3], [1.0; 3]);
+        let lost = scene.insert(crate::Object { occluder: true, ..crate::Object::new(improper) });
+        assert_eq!([plain, wall, lost].map(|id| scene.can_occlude(id)), [false, true, false], "occluders");
+    }
+}

@@ -83,3 +83,67 @@ impl Detail {
     pub(crate) const NONE: Self =
         Self { range: DrawRange::ALWAYS, parent: None, first_child: None, next: None, previous: None };
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_transparent_at_some_distance_fades() {
+        let range = |begin: f32, end: f32, margin: f32| DrawRange { begin, end, margin };
+        for (begin, end, margin, fades) in [
+            (0.0, f32::INFINITY, 5.0, false),
+            (0.0, f32::INFINITY, 0.0, false),
+            (0.0, 100.0, 5.0, true),
+            (9.0, f32::INFINITY, 5.0, true),
+            (9.0, 100.0, 5.0, true),
+            (9.0, 100.0, 0.0, false),
+            (0.0, 100.0, 0.0, false),
+        ] {
+            let range = range(begin, end, margin);
+            assert_eq!(range.fades(), fades, "{range:?}");
+            let is_transparent = (0..4000).map(|step| step as f32 * 0.05).any(|distance| {
+                let is_drawn = distance >= begin && distance <= end;
+                is_drawn && range.opacity(distance) < 1.0
+            });
+            assert_eq!(is_transparent, fades, "{range:?} is transparent at some distance");
+        }
+    }
+
+    #[test]
+    fn ranges_hold_their_ends() {
+        let range = DrawRange { begin: 10.0, end: 20.0, margin: 0.0 };
+        assert_eq!(
+            [10f32.next_down(), 10.0, 20.0, 20f32.next_up(), f32::NAN].map(|at| range.opacity(at)),
+            [0.0, 1.0, 1.0, 0.0, 0.0],
+            "a range holds both of its ends"
+        );
+        let point = DrawRange { begin: 3.0, end: 3.0, margin: 0.0 };
+        assert_eq!(point.opacity(3.0), 1.0, "a range of one distance");
+        let fading = DrawRange { margin: 2.0, ..range };
+        assert_eq!(
+            [10.0, 11.0, 12.0, 15.0, 18.0, 19.0, 20.0].map(|at| fading.opacity(at)),
+            [0.0, 0.5, 1.0, 1.0, 1.0, 0.5, 0.0],
+            "opacity falls to both ends"
+        );
+        let near = DrawRange { begin: 0.0, ..fading };
+        assert_eq!([0.0, 1.0].map(|at| near.opacity(at)), [1.0; 2], "a range from 0 does not fade in");
+    }
+
+    #[test]
+    fn ranges_are_of_lengths_in_order() {
+        let range = |begin: f32, end: f32, margin: f32| DrawRange { begin, end, margin }.is_valid();
+        assert!(range(0.0, 0.0, 0.0) && range(3.0, 3.0, 1.0) && range(3.0, f32::INFINITY, 1.0), "ranges");
+        for (begin, end, margin) in [
+            (-1.0, 5.0, 0.0),
+            (f32::INFINITY, f32::INFINITY, 0.0),
+            (f32::NAN, 5.0, 0.0),
+            (3.0, 2.0, 0.0),
+            (3.0, f32::NAN, 0.0),
+            (3.0, 5.0, -1.0),
+            (3.0, 5.0, f32::INFINITY),
+        ] {
+            assert!(!range(begin, end, margin), "from {begin} to {end}, margin {margin}");
+        }
+    }
+}

@@ -133,3 +133,95 @@ impl Scene {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::OccluderMesh;
+    use crate::scene::SharedTriangles;
+    use alloc::vec::Vec;
+    use glam::{Affine3A, Vec3};
+
+    const BOX: Aabb = Aabb { min: Vec3::ZERO, max: Vec3::ONE };
+    const MOVED: Aabb = Aabb { min: Vec3::ONE, max: Vec3::splat(2.0) };
+
+    /// Moves an object by each call that sets bounds, and asserts that it has neither a local box nor a mesh
+    /// nor triangles any more.
+    fn assert_forgotten(name: &str, prepare: impl Fn(&mut Scene, ObjectId)) {
+        for is_batch in [false, true] {
+            let mut scene = Scene::new();
+            let ids: Vec<_> = (0..3).map(|_| scene.insert(BOX)).collect();
+            prepare(&mut scene, ids[1]);
+            if is_batch {
+                scene.set_bounds_batch(&[(ids[1], MOVED)]).unwrap();
+            } else {
+                scene.set_bounds(ids[1], MOVED).unwrap();
+            }
+            assert_eq!(scene.bounds(ids[1]), Ok(MOVED), "{name}, in a batch {is_batch}: the bounds");
+            assert_eq!(scene.local_bounds(ids[1]), None, "{name}, in a batch {is_batch}: the local box");
+            assert!(!scene.has_mesh(ids[1]), "{name}, in a batch {is_batch}: the mesh");
+            let is_empty = scene.triangles(ids[1]).unwrap().is_empty();
+            assert!(is_empty, "{name}, in a batch {is_batch}: the triangles");
+        }
+    }
+
+    #[test]
+    fn what_was_at_the_old_place_is_forgotten() {
+        let triangles = || SharedTriangles::from([[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+        assert_forgotten("a local box", |scene, id| scene.set_local_bounds(id, BOX).unwrap());
+        assert_forgotten("triangles", |scene, id| scene.set_triangles(id, triangles()).unwrap());
+        assert_forgotten("a mesh", |scene, id| {
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(&BOX).unwrap());
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        });
+        assert_forgotten("a prepared mesh", |scene, id| {
+            scene.set_occluder(id, true).unwrap();
+            scene.set_triangles(id, triangles()).unwrap();
+            assert_eq!(scene.prepare_occluders(&crate::occlusion::Preparation::default()), 1, "it is made");
+        });
+    }
+
+    /// Batches of few and of all objects, in hierarchies that have more nodes than objects, or as many.
+    #[test]
+    fn batches_of_any_size_move_all_their_objects() {
+        for (count, left) in [(1, 1), (64, 2), (65, 65), (5000, 4), (5000, 200), (5000, 5000)] {
+            for moves in [1, 2, 3, left / 2, left].into_iter().filter(|&moves| moves <= left) {
+                let mut scene = Scene::new();
+                let ids: Vec<_> = (0..count).map(|_| scene.insert(BOX)).collect();
+                scene.remove_batch(&ids[left..]).unwrap();
+                let moved: Vec<_> = ids[..moves].iter().map(|&id| (id, MOVED)).collect();
+                scene.set_bounds_batch(&moved).unwrap();
+                let found = ids[..left].iter().map(|&id| scene.bounds(id).unwrap());
+                let expected = (0..left).map(|i| if i < moves { MOVED } else { BOX });
+                assert!(found.eq(expected), "{moves} of {left} objects, of {count} that were there");
+            }
+        }
+    }
+
+    /// The index of a removed object has another generation, which no object has until the next is inserted.
+    #[test]
+    fn an_id_of_no_object_is_unknown() {
+        let mut scene = Scene::new();
+        let ids: Vec<_> = (0..2).map(|_| scene.insert(BOX)).collect();
+        scene.remove(ids[0]).unwrap();
+        let next = ObjectId { generation: ids[0].generation.wrapping_add(1), ..ids[0] };
+        assert!(!scene.contains(ids[0]) && !scene.contains(next), "neither the old id nor the next is known");
+        assert_eq!(scene.set_bounds(next, MOVED), Err(SceneError::UnknownObject(next)), "it cannot be moved");
+        let again = scene.insert(BOX);
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&BOX).unwrap());
+        scene.set_mesh(again, mesh, Affine3A::IDENTITY).unwrap();
+        assert!(again == next && scene.has_mesh(again), "the next object has the next id");
+        assert!(!scene.has_mesh(ids[0]) && !scene.has_mesh(ids[1]), "others have no mesh");
+    }
+
+    #[test]
+    fn a_mesh_of_an_earlier_object_leaves_those_of_later_ones() {
+        let mut scene = Scene::new();
+        let ids = [(); 2].map(|()| scene.insert(BOX));
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&BOX).unwrap());
+        for id in [ids[1], ids[0]] {
+            scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        }
+        assert_eq!(ids.map(|id| scene.has_mesh(id)), [true; 2], "objects with a mesh");
+    }
+}

@@ -256,3 +256,56 @@ fn parameters_at_the_ends_of_their_ranges_are_named() {
     assert_eq!([1.0, 0.5, infinite].map(|far| parallel(1.0, far)), ["far"; 3], "no far plane");
     assert_eq!(parallel(-f64::MAX, f64::MAX), "far", "a length without end");
 }
+
+/// Matrices of whole numbers of which a row or a column is a sum of multiples of the others: the division by
+/// the greatest element of each row rounds, and the determinant is not zero.
+#[test]
+fn singular_matrices_are_refused_whatever_their_rounding() {
+    let mut rng = visibility_testing::Random(1);
+    for case in 0..20_000 {
+        let mut m = [[0i64; 4]; 4];
+        for row in &mut m {
+            row.iter_mut().for_each(|x| *x = i64::from(rng.between(-1000, 1000)));
+        }
+        let (last, factors) = (rng.below(4), [(); 3].map(|()| i64::from(rng.between(-3, 3))));
+        let others: alloc::vec::Vec<usize> = (0..4).filter(|&i| i != last).collect();
+        m[last] = core::array::from_fn(|at| (0..3).map(|i| factors[i] * m[others[i]][at]).sum());
+        let matrix = DMat4::from_cols_array_2d(&m.map(|row| row.map(|x| x as f64)));
+        let matrix = if rng.one_in(2) { matrix.transpose() } else { matrix };
+        let refused = View::from_clip_from_world(matrix, Depth::ZeroToOne).map(|_| ());
+        assert_eq!(refused, Err(ViewError::NotInvertible), "case {case}: {matrix}");
+    }
+}
+
+/// Each element that is not finite is named, and each of a matrix is looked at.
+#[test]
+fn matrices_that_are_not_finite_are_refused() {
+    for (row, column) in (0..16).map(|i| (i / 4, i % 4)) {
+        for number in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let mut m = DMat4::IDENTITY.to_cols_array_2d();
+            m[column][row] = number;
+            let refused = View::from_clip_from_world(DMat4::from_cols_array_2d(&m), Depth::ZeroToOne);
+            let expected = Err(ViewError::Matrix { row, column });
+            assert_eq!(refused.map(|_| ()), expected, "{number} at row {row}, column {column}");
+        }
+    }
+}
+
+/// Matrices of which no product of elements in two rows and two columns is other than zero.
+#[test]
+fn matrices_of_one_column_are_refused() {
+    for column in 0..4 {
+        let mut m = [[0.0; 4]; 4];
+        m[column] = [1.0; 4];
+        let refused = View::from_clip_from_world(DMat4::from_cols_array_2d(&m), Depth::ZeroToOne);
+        assert_eq!(refused.map(|_| ()), Err(ViewError::NotInvertible), "column {column} alone");
+    }
+}
+
+#[test]
+fn round_and_tiny_distances_keep_their_zeros() {
+    let far = View::perspective(pose(), 1.0, 1.5, 0.25, 1000.0).unwrap().to_string();
+    assert!(far.contains("near 0.25, far 1000, depth"), "a far plane at 1 km: {far}");
+    let near = View::perspective(pose(), 1.0, 1.5, 1e-10, f64::INFINITY).unwrap().to_string();
+    assert!(near.contains("near 1.0e-10, no far plane"), "a near plane at 1e-10 m: {near}");
+}

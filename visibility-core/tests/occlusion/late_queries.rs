@@ -278,6 +278,33 @@ fn boxes_that_the_near_plane_or_a_clip_plane_cuts_are_never_hidden() {
     }
 }
 
+/// A graphics card that counts the occluders that it draws.
+struct CountsDraws(usize);
+
+impl QueryDevice for CountsDraws {
+    fn ask(&mut self, _: u64, _: &[Aabb]) {}
+
+    fn answers(&mut self, _: &mut dyn FnMut(u64, u32)) {}
+
+    fn draw(&mut self, _: &OccluderMesh, _: &Affine3A) {
+        self.0 += 1;
+    }
+}
+
+/// The parts of an occluder that a clip plane cuts away hide nothing.
+#[test]
+fn occluders_that_a_clip_plane_cuts_are_not_drawn() {
+    let clip = Plane::through(DVec3::X * 10.0, DVec3::X);
+    for (planes, from, drawn) in [(&[][..], 9.0, 1), (&[clip][..], 9.0, 0), (&[clip][..], 11.0, 1)] {
+        let mut map = HardwareQueries::new(CountsDraws(0), LateAnswers::Visible);
+        map.begin(&along_x().with_clip_planes(planes).unwrap(), DVec3::ZERO);
+        let wall = Aabb::from_arrays([from, -1.0, -1.0], [from + 2.0, 1.0, 1.0]);
+        map.add(&OccluderMesh::cuboid(&wall).unwrap(), &Affine3A::IDENTITY);
+        map.flush();
+        assert_eq!(map.device_mut().0, drawn, "a wall from {from} and {} clip planes", planes.len());
+    }
+}
+
 /// Boxes that move each frame are new boxes without answers, and their queries take few slots. A query's slot
 /// is the lower half of its number.
 #[test]

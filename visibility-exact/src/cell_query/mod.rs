@@ -7,6 +7,8 @@
 
 mod prices;
 mod search_again;
+#[cfg(test)]
+mod tests;
 
 use crate::chain_scratch::ChainScratch;
 use crate::half::Half;
@@ -108,10 +110,10 @@ impl<'a> CellQuery<'a> {
         settings: ExactSettings,
         scratch: Option<ChainScratch>,
     ) -> Self {
-        // A clearance that is NaN or within the error of positions counts as 0, since it would not part
-        // touching surfaces. This is safe: an object hidden with clearance 0 is hidden with any clearance.
+        // A clearance within the error of positions counts as 0, since it would not part touching surfaces.
+        // This is safe: an object hidden with clearance 0 is hidden with any clearance.
         let c = settings.clearance;
-        let is_usable = c.is_finite() && c >= 64.0 * triangles.position_error(cell.magnitude() + 3.0 * c);
+        let is_usable = c >= 64.0 * triangles.position_error(cell.magnitude() + 3.0 * c);
         let search = Search::new(triangles, cell, if is_usable { c } else { 0.0 }, scratch);
         let seed = cell.min.to_array().into_iter().chain(cell.max.to_array());
         let seed = seed.fold(1, |seed, x| Random(seed ^ x.to_bits()).bits());
@@ -304,10 +306,8 @@ impl<'a> CellQuery<'a> {
         if self.verdicts[object] != Verdict::Open || !self.search.triangles.shows(t, from) {
             return false;
         }
-        let mut hits = core::mem::take(&mut self.search.hits);
-        let unsure = self.search.triangles.tree.crossed(from, to, t, 1, &mut hits);
-        let is_clear = !unsure && hits.is_empty();
-        self.search.hits = hits;
+        // The search for one crossed triangle ends uncertain if it finds one.
+        let is_clear = !self.search.triangles.tree.crossed(from, to, t, 1, &mut self.search.hits);
         if is_clear {
             self.verdicts[object] = Verdict::Seen(Witness { from, to, triangle: t });
         }
@@ -349,17 +349,14 @@ impl<'a> CellQuery<'a> {
                 continue;
             }
             let mut reached = 0;
-            let mut hits = core::mem::take(&mut self.search.hits);
             for _ in 0..self.settings.aimed_rays {
                 self.rays += 1;
                 let t = first + self.random.below(count as usize) as u32;
                 let to = in_triangle(&mut self.random, &self.search.triangles.corners(t));
                 let from = self.search.cell.towards(to, &mut self.random);
-                let unsure = self.search.triangles.tree.crossed(from, to, t, 1, &mut hits);
-                let is_shown = self.search.triangles.shows(t, from);
-                reached += u32::from(hits.is_empty() && !unsure && is_shown);
+                let is_clear = !self.search.triangles.tree.crossed(from, to, t, 1, &mut self.search.hits);
+                reached += u32::from(is_clear && self.search.triangles.shows(t, from));
             }
-            self.search.hits = hits;
             if f64::from(reached) <= 2.0 * self.settings.share * f64::from(self.settings.aimed_rays) {
                 let share = self.search.share(Target::Box { min, max }, self.settings.share, SHARE);
                 if share <= self.settings.share {

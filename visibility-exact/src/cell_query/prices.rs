@@ -60,3 +60,35 @@ impl Prices {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn nodes(prices: &Prices, counts: [usize; 3]) -> [u32; 3] {
+        counts.map(|count| prices.budget(count).nodes)
+    }
+
+    /// A group gets a sixth of what its objects cost, up to the budget of an object, until thorough searches
+    /// of groups of its size have cost more than they have saved.
+    #[test]
+    fn groups_are_searched_as_thoroughly_as_that_pays() {
+        let mut prices = Prices::default();
+        assert_eq!(nodes(&prices, [1, 8, 64]), [OBJECT.nodes, GROUP.nodes, GROUP.nodes], "at first");
+        prices.add(1, OBJECT, 150, Answer::Hidden);
+        prices.add(1, OBJECT, 30, Answer::Hidden);
+        prices.add(1, OBJECT, 1000, Answer::Undecided);
+        prices.add(64, GROUP, 50, Answer::Undecided);
+        // An object costs 90 nodes. A sixth of the cost of 3 objects is 45 nodes, less than for any group.
+        assert_eq!(nodes(&prices, [3, 8, 64]), [GROUP.nodes, 120, 960], "parts of the costs of objects");
+        assert_eq!(nodes(&prices, [10, 80, 1]), [150, OBJECT.nodes, OBJECT.nodes], "no more than an object");
+        let budget = prices.budget(8);
+        prices.add(8, budget, 120, Answer::Undecided);
+        assert_eq!(nodes(&prices, [8, 15, 16]), [120, 225, 240], "one search in vain");
+        prices.add(8, budget, 1, Answer::Undecided);
+        assert_eq!(nodes(&prices, [8, 15, 16]), [GROUP.nodes, 225, 240], "more than one search in vain");
+        prices.add(9, budget, 100, Answer::Hidden);
+        // 9 objects hidden are worth 270 nodes, which with 120 is more than the 221 spent.
+        assert_eq!(nodes(&prices, [8, 15, 16]), [120, 225, 240], "a search that pays");
+    }
+}

@@ -111,7 +111,30 @@ mod tests {
                     "a side of {least}^2"
                 );
                 assert_eq!(side(DVec3::ZERO, DVec3::X, y, 2.0 * y, 0.0), (0.0, 0.0), "in one plane, {least}");
+                assert_eq!(
+                    side(DVec3::ZERO, DVec3::Y, y, z, 0.0),
+                    (0.0, 0.0),
+                    "in the plane of axes, {least}"
+                );
+                for (i, j, k) in [(0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)] {
+                    let (r, u, w) = (DVec3::AXES[i], DVec3::AXES[j] * least, DVec3::AXES[k] * least);
+                    let found = side(DVec3::ZERO, r, u, w, 0.0);
+                    assert_eq!(found, (0.0, f64::INFINITY), "{least}, axes {i}, {j} and {k}");
+                }
             }
+        }
+    }
+
+    /// Products of 1.4 and 1.3 times the least number both round to it. The long line makes their sum, which
+    /// has the wrong sign, as large as a side that is certain.
+    #[test]
+    fn products_that_underflow_decide_no_side() {
+        let least = 2f64.powi(-537);
+        let (u, w) = (DVec3::new(1.3, 1.4, 0.0) * least, DVec3::Z * least);
+        let r = DVec3::new(1.0, 1.05, 0.0) * 2f64.powi(100);
+        assert!(1.4 > 1.05 * 1.3 && r.dot(u.cross(w)) < 0.0, "the sign in `f64` is wrong");
+        for side in [side, quick_side] {
+            assert_eq!(sign(side(DVec3::ZERO, r, u, w, 0.0)), 0, "a line past an edge of that size");
         }
     }
 

@@ -144,11 +144,13 @@ impl TriangleFacts {
 /// Returns whether an object counts as visible from everywhere: it is never culled, and so may be elsewhere
 /// than its triangles, or it has a coordinate that is not finite or beyond [`LIMIT`].
 fn is_left_open(object: &Object, triangles: Triangles<'_>) -> bool {
-    let usable = |p: Vec3| p.is_finite() && p.abs().max_element() <= LIMIT as f32;
-    let bounds = object.bounds;
+    // False for NaN.
+    let usable = |p: Vec3| p.abs().cmple(Vec3::splat(LIMIT as f32)).all();
+    // Bounds that are not finite, or not proper, are never culled.
+    let bounds = [object.bounds.min, object.bounds.max];
     object.is_unculled()
         || triangles.iter().flatten().any(|p| !usable(p))
-        || (triangles.is_empty() && !(bounds.is_proper() && usable(bounds.min) && usable(bounds.max)))
+        || (triangles.is_empty() && !bounds.into_iter().all(usable))
 }
 
 /// Returns the box around an object's triangles, or the object's bounds if it has none: those that hold its

@@ -8,8 +8,11 @@ use visibility_testing::Random;
 
 fn prepared(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> SceneTriangles {
     let triangles: Vec<[Vec3; 3]> = triangles.into_iter().collect();
+    prepared_in(Aabb::from_points(triangles.as_flattened().iter().copied()), triangles)
+}
+
+fn prepared_in(bounds: Aabb, triangles: Vec<[Vec3; 3]>) -> SceneTriangles {
     let mut scene = Scene::new();
-    let bounds = Aabb::from_points(triangles.as_flattened().iter().copied());
     let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
     scene.set_triangles(id, triangles).unwrap();
     SceneTriangles::new(&scene)
@@ -333,4 +336,235 @@ fn boxes_of_targets_hold_their_occluder_meshes() {
     for (all, when) in [(all, "later"), (SceneTriangles::new(&scene), "from the start")] {
         assert_eq!(all.objects[0].max, reach.max.as_dvec3(), "a mesh that was there {when}");
     }
+}
+
+/// A coordinate of a corner, or of the bounds of an object without triangles, that is NaN, infinite or beyond
+/// the limit leaves the object open. One at the limit does not. Bounds count without triangles alone.
+#[test]
+fn objects_with_coordinates_beyond_the_limit_are_open() {
+    let limit = LIMIT as f32;
+    let least = limit.next_up();
+    for value in [0.0, limit, -limit, least, -least, f32::INFINITY, f32::NEG_INFINITY, f32::NAN] {
+        let expected = value.abs() > limit || value.is_nan();
+        for at in 0..9 {
+            let mut corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+            corners[at / 3][at % 3] = value;
+            // Bounds that hold the corners, and are finite unless a corner is infinite.
+            let most = f32::MAX * if value.is_infinite() { f32::INFINITY } else { 1.0 };
+            let all = prepared_in(Aabb::from_arrays([-most; 3], [most; 3]), vec![corners]);
+            assert_eq!(all.objects[0].is_open, expected, "coordinate {at} of the triangle: {value}");
+            assert_eq!(all.len(), usize::from(!expected), "coordinate {at}, {value}: triangles");
+        }
+        for axis in 0..3 {
+            let mut bounds = Aabb::from_arrays([0.0; 3], [0.0; 3]);
+            (if value < 0.0 { &mut bounds.min } else { &mut bounds.max })[axis] = value;
+            assert_eq!(prepared_in(bounds, vec![]).objects[0].is_open, expected, "bounds {bounds:?}");
+        }
+    }
+    let large = Aabb::from_arrays([0.0; 3], [least; 3]);
+    assert!(
+        !prepared_in(large, vec![[Vec3::ZERO, Vec3::X, Vec3::Y]]).objects[0].is_open,
+        "its triangle is small"
+    );
+    let inverted = Aabb::from_arrays([1.0; 3], [0.0; 3]);
+    assert!(prepared_in(inverted, vec![]).objects[0].is_open, "inverted bounds");
+}
+
+/// A triangle occludes if its object is an occluder on some layer and it has an area. Objects that occlude
+/// are counted on their layers.
+#[test]
+fn triangles_with_area_of_occluders_on_layers_occlude() {
+    for case in 0..8 {
+        let [occluder, has_layers, has_area] = [1, 2, 4].map(|bit| case & bit != 0);
+        let triangle = [Vec3::ZERO, Vec3::X, if has_area { Vec3::Y } else { Vec3::X * 2.0 }];
+        let mut scene = Scene::new();
+        let layers = if has_layers { 6 } else { 0 };
+        let id = scene.insert(Object { occluder, layers, ..Object::new(Aabb::from_points(triangle)) });
+        scene.set_triangles(id, [triangle]).unwrap();
+        let all = SceneTriangles::new(&scene);
+        let expected = occluder && has_layers && has_area;
+        let what = format!("occluder {occluder}, layers {has_layers}, area {has_area}");
+        assert_eq!((all.len(), all.occluder_count()), (1, usize::from(expected)), "{what}");
+        assert_eq!(all.layers.get(&6).copied(), expected.then_some(1), "{what}: objects on the layers");
+    }
+}
+
+/// One-sided triangles show to viewpoints in front of them alone, not to those in their plane.
+#[test]
+fn one_sided_triangles_show_to_their_fronts() {
+    let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    for one_sided in [false, true] {
+        let mut scene = Scene::new();
+        let id = scene.insert(Object { one_sided, ..Object::new(Aabb::from_points(triangle)) });
+        scene.set_triangles(id, [triangle]).unwrap();
+        let all = SceneTriangles::new(&scene);
+        for (z, is_before) in [(1.0, true), (1e-3, true), (0.0, false), (-1e-3, false), (-1.0, false)] {
+            let shows = all.shows(0, DVec3::new(3.0, 2.0, z));
+            assert_eq!(shows, is_before || !one_sided, "one-sided {one_sided}, from a height of {z}");
+        }
+    }
+}
+
+/// The box of a target is that of its triangles, and the greatest coordinate of all counts for the error of
+/// positions, as does a greater one that is given.
+#[test]
+fn boxes_and_errors_are_those_of_all_corners() {
+    let mut random = Random(6);
+    for round in 0..200 {
+        let triangles: Vec<[Vec3; 3]> = (0..3).map(|_| [(); 3].map(|()| random.vec3(-9.0, 9.0))).collect();
+        let all = prepared(triangles.clone());
+        let corners = triangles.as_flattened();
+        let around = Aabb::from_points(corners.iter().copied());
+        let found = [all.objects[0].min, all.objects[0].max];
+        assert_eq!(found, [around.min.as_dvec3(), around.max.as_dvec3()], "{round}: box");
+        let most = corners.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
+        for (given, greatest) in [(0.0, f64::from(most)), (100.0, 100.0)] {
+            let error = all.position_error(given);
+            assert_eq!(error, greatest * 2f64.powi(-46), "{round}: error of positions with {given}");
+        }
+    }
+}
+
+/// Edges have one number exactly where they join the same vertices, and vertices where they are in one place.
+#[test]
+fn edges_are_pairs_of_vertices() {
+    let mut random = Random(8);
+    for round in 0..50 {
+        let mut point = || Vec3::from_array([(); 3].map(|()| random.between(0, 1) as f32));
+        let all = prepared((0..12).map(|_| [point(), point(), point()]).collect::<Vec<_>>());
+        let sides: Vec<(u32, usize)> = (0..12).flat_map(|t| [0, 1, 2].map(|k| (t, k))).collect();
+        let at = |(t, k): (u32, usize)| all.corners(t)[k % 3];
+        for &(t, k) in &sides {
+            for &(u, m) in &sides {
+                let is_one = all.vertices(t)[k] == all.vertices(u)[m];
+                assert_eq!(is_one, at((t, k)) == at((u, m)), "{round}: corners {k} of {t} and {m} of {u}");
+                let ends = [at((t, k)), at((t, k + 1))];
+                let others = [at((u, m)), at((u, m + 1))];
+                let is_same = ends == others || ends == [others[1], others[0]];
+                assert_eq!(all.edges(t)[k] == all.edges(u)[m], is_same, "{round}: {ends:?} and {others:?}");
+            }
+            let occluding: Vec<u32> =
+                (0..12).filter(|&u| all.occludes(u) && all.edges(u).contains(&all.edges(t)[k])).collect();
+            let mut listed = all.triangles_at(all.edges(t)[k]).to_vec();
+            listed.sort_unstable();
+            listed.dedup();
+            assert_eq!(listed, occluding, "{round}: triangles at edge {k} of {t}");
+        }
+    }
+}
+
+/// The log holds 1,024 changes, or a quarter as many as there are objects, and forgets whole calls.
+#[test]
+fn the_log_holds_as_many_changes_as_it_says() {
+    let change = super::log::Change { place: 0, was: [DVec3::ZERO; 2] };
+    for (objects, size, kept) in [(0, 1, 1024), (4096, 1, 1024), (8000, 1, 2000), (0, 3, 341), (0, 2000, 0)] {
+        let mut log = Log::default();
+        for _ in 0..3000 {
+            let before = log.stamp;
+            log.push(vec![change; size], objects);
+            assert!(log.stamp != before, "each call has a state of its own");
+        }
+        assert_eq!(log.entries.len(), kept, "{objects} objects, {size} changes in each call");
+    }
+}
+
+/// An object is the same after a change that touches neither its id, its being open, its box, nor any of its
+/// triangles, and another one after each change that does.
+#[test]
+fn changes_that_visibility_depends_on_are_changes() {
+    let [a, b, c, d] = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]].map(|[y, z]| Vec3::new(1.0, y, z));
+    let halves = vec![[a, b, c], [a, c, d]];
+    let others = vec![[a, b, d], [b, c, d]];
+    let (one, bounds) = (vec![halves[0]], Aabb::from_points([a, b, c, d]));
+    type Corners = [Vec3; 3];
+    type Case<'a> = (&'a str, &'a [Corners], &'a [Corners], fn(&mut Scene, ObjectId), bool);
+    let cases: [Case<'_>; 9] = [
+        ("nothing", &halves, &halves, |_, _| {}, false),
+        ("other layers", &halves, &halves, |scene, id| scene.set_layers(id, 2).unwrap(), false),
+        ("other corners in the same box", &halves, &others, |_, _| {}, true),
+        ("fewer triangles in the same box", &halves, &one, |_, _| {}, true),
+        ("more triangles in the same box", &one, &halves, |_, _| {}, true),
+        ("no occluder", &halves, &halves, |scene, id| scene.set_occluder(id, false).unwrap(), true),
+        (
+            "never culled, with triangles",
+            &one,
+            &one,
+            |scene, id| scene.set_never_cull(id, true).unwrap(),
+            true,
+        ),
+        (
+            "never culled, without triangles",
+            &[],
+            &[],
+            |scene, id| scene.set_never_cull(id, true).unwrap(),
+            true,
+        ),
+        (
+            "another box, without triangles",
+            &[],
+            &[],
+            |scene, id| scene.set_bounds(id, Aabb::from_arrays([0.0; 3], [2.0; 3])).unwrap(),
+            true,
+        ),
+    ];
+    for (case, was, now, act, expected) in cases {
+        let mut scene = Scene::new();
+        let id = scene.insert(Object { occluder: true, ..Object::new(bounds) });
+        scene.set_triangles(id, was.to_vec()).unwrap();
+        let mut all = SceneTriangles::new(&scene);
+        let before = all.stamp();
+        scene.set_triangles(id, now.to_vec()).unwrap();
+        act(&mut scene, id);
+        assert_eq!(all.sync(&scene), expected, "{case}");
+        assert_eq!(all.stamp() != before, expected, "{case}: state");
+    }
+    // An equal object in place of a removed one.
+    let mut scene = Scene::new();
+    let object = Object { occluder: true, ..Object::new(bounds) };
+    let id = scene.insert(object);
+    let mut all = SceneTriangles::new(&scene);
+    scene.remove(id).unwrap();
+    let other = scene.insert(object);
+    assert_eq!(id.index(), other.index(), "the index of the removed object");
+    assert!(all.sync(&scene), "an equal object with another id");
+    assert_eq!(all.objects[0].id, other, "the object of the verdict");
+}
+
+/// A polygon is newer than the states before the one in which it was made, and no newer than that one.
+#[test]
+fn pieces_are_newer_than_states_before_them() {
+    let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let mut scene = Scene::new();
+    let id = scene.insert(Object { occluder: true, ..Object::new(Aabb::from_points(triangle)) });
+    scene.set_triangles(id, [triangle]).unwrap();
+    let mut all = SceneTriangles::new(&scene);
+    let first = all.serial();
+    assert!(!all.is_piece_newer(all.piece_of(0), first), "a polygon of the first state");
+    assert!(all.is_piece_newer(7, first), "a polygon that is not there");
+    reshape(&mut scene, id, vec![triangle.map(|x| x * 2.0)]);
+    assert!(all.sync(&scene), "the triangle grows");
+    let piece = all.piece_of(all.objects[0].first);
+    let found = [first, all.serial()].map(|serial| all.is_piece_newer(piece, serial));
+    assert_eq!(found, [true, false], "a polygon of the second state, against both");
+}
+
+/// Polygons are joined from neighbours of one kind alone, one-sided or not, and have 8 corners at most.
+#[test]
+fn pieces_have_one_kind_of_triangles_and_eight_corners() {
+    let [a, b, c, d] = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]].map(|[y, z]| Vec3::new(1.0, y, z));
+    for case in 0..4 {
+        let mut scene = Scene::new();
+        for (triangle, one_sided) in [([a, b, c], case & 1 != 0), ([a, c, d], case & 2 != 0)] {
+            let bounds = Aabb::from_points(triangle);
+            let id = scene.insert(Object { occluder: true, one_sided, ..Object::new(bounds) });
+            scene.set_triangles(id, [triangle]).unwrap();
+        }
+        let expected = if case == 0 || case == 3 { 1 } else { 2 };
+        assert_eq!(SceneTriangles::new(&scene).pieces.len(), expected, "one-sided ones in case {case}");
+    }
+    // A fan from a corner of a convex polygon.
+    let at = |k: u8| Vec3::new(1.0, f32::from(k), f32::from(k).powi(2));
+    let all = prepared((1..20).map(|k| [at(0), at(k), at(k + 1)]));
+    let most = all.pieces.iter().map(|piece| piece.ring.len()).max();
+    assert_eq!(most, Some(8), "greatest number of corners");
 }

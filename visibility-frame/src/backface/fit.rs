@@ -416,6 +416,166 @@ fn golden(reach: f64, mut value: impl FnMut(f64) -> f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use visibility_core::glam::Vec3;
+    use visibility_testing::Random;
+
+    /// Returns a unit normal within `most` radians of the z axis.
+    fn normal(random: &mut Random, most: f64) -> DVec3 {
+        let (turn, tilt) = (random.range(0.0, 7.0), most * random.unit());
+        DVec3::new(tilt.sin() * turn.cos(), tilt.sin() * turn.sin(), tilt.cos())
+    }
+
+    /// Normals that are off by the slack, in any direction, project into the ellipse. Those that are turned
+    /// away from the axis move by more than the slack in the gnomonic plane, and by most of what is added.
+    #[test]
+    fn ellipses_hold_normals_that_are_off_by_the_slack() {
+        let mut random = Random(51);
+        for round in 0..20_000 {
+            let slack = [SLACK, 1.0 / 64.0][round % 2];
+            let normals: Vec<DVec3> = (0..1 + round % 3).map(|_| normal(&mut random, 1.44)).collect();
+            let points: Vec<DVec2> = normals.iter().map(|n| n.truncate() / n.z).collect();
+            let circle = Ellipse { center: DVec2::ZERO, direction: DVec2::X, axes: [1.0; 2] };
+            for ellipse in [circle, Ellipse::least(&points)].map(|shape| shape.grown(&points, slack)) {
+                for &n in &normals {
+                    let away = (n * n.z - DVec3::Z).normalize();
+                    let turned = random.direction().cross(n).normalize();
+                    for towards in [away, turned] {
+                        // Unit vectors whose difference has the length of the slack.
+                        let sine = slack * (1.0 - slack * slack / 4.0).sqrt() * (1.0 - 1e-12);
+                        let off = n * (1.0 - slack * slack / 2.0) + towards * sine;
+                        let d = off.truncate() / off.z - ellipse.center;
+                        let [a, b] = ellipse.axes;
+                        let share =
+                            DVec2::new(d.dot(ellipse.direction) / a, d.dot(ellipse.direction.perp()) / b);
+                        assert!(share.length() <= 1.0, "{round}: {off} beside {n}, slack {slack}: {share}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// No element of a cone's matrix is greater than 16: wider ellipses are refused, whichever axis is long.
+    #[test]
+    fn wide_ellipses_are_refused() {
+        let (mut random, mut refused, mut wide) = (Random(52), 0, 0);
+        for round in 0..2_000 {
+            let along = normal(&mut random, 9.0).truncate().normalize();
+            let points: Vec<DVec2> = (0..6).map(|_| along * random.range(-8.2, 8.2)).collect();
+            let slack = SLACK * random.range(1.0, 4.0);
+            let Some(ellipse) = Ellipse::around(&points, slack) else {
+                refused += 1;
+                continue;
+            };
+            let most = ellipse.axes.into_iter().fold(0.0, f64::max) + ellipse.center.length();
+            assert!(most < 15.0, "{round}: {ellipse:?}");
+            wide += u32::from(most > 13.0);
+        }
+        assert!(refused > 50 && wide > 50, "{refused} are refused, {wide} nearly so");
+    }
+
+    /// The apex is behind or in front of the planes of all facets, whichever way their normals and points are
+    /// off by the errors told.
+    #[test]
+    fn apexes_are_beyond_planes_that_are_off_by_their_errors() {
+        let (mut random, mut near) = (Random(53), 0);
+        for round in 0..3_000 {
+            let doubt = Doubt {
+                slack: [SLACK, 1e-3, 1.0 / 64.0][round % 3],
+                blur: if round % 2 == 0 { 0.0 } else { random.range(0.0, 0.1) },
+            };
+            let size = 2f64.powi(random.between(-4, 8));
+            let place = random.vector(size).round();
+            let facets: Vec<Facet> = (0..1 + round % 5)
+                .map(|_| {
+                    let point = (place + random.vector(1.0)).as_vec3().as_dvec3();
+                    Facet { normal: normal(&mut random, 1.2), points: [point; 2], extent: 1.0 }
+                })
+                .collect();
+            for side in 0..2 {
+                let (axis, sides, center) = (DVec3::Z, [DVec3::X, DVec3::Y], place);
+                let apex = Apex { facets: &facets, doubt, axis, sides, center, size: 2.0, side };
+                let Some(apex) = apex.find() else { continue };
+                let sign = [1.0, -1.0][side];
+                let mut highest = f64::NEG_INFINITY;
+                for facet in &facets {
+                    let d = DVec3::from_array(apex.map(f64::from)) - facet.points[side];
+                    let off = facet.normal + sign * d.normalize_or_zero() * doubt.slack;
+                    let height = sign * off.dot(d) + doubt.blur;
+                    assert!(
+                        height <= 1e-15 * d.length(),
+                        "{round}, side {side}: {height} above a plane, {doubt:?}"
+                    );
+                    highest = highest.max(height / (doubt.slack * d.length() + doubt.blur));
+                }
+                near += u32::from(highest > -0.01);
+            }
+        }
+        assert!(near > 1_000, "{near} apexes are as near to a plane as they may be");
+    }
+
+    /// Errors beyond the bound that the growth of ellipses needs, and errors that are unknown, give no cone.
+    #[test]
+    fn facets_of_great_errors_have_no_cone() {
+        let facet = Facet { normal: DVec3::Z, points: [DVec3::ZERO; 2], extent: 1.0 };
+        let is_fitted = |slack: f64, blur: f64| fit(&[facet], Doubt { slack, blur }).is_some();
+        let slacks = [SLACK, 1.0 / 64.0, 1.0 / 63.0, f64::NAN].map(|slack| is_fitted(slack, 0.0));
+        assert_eq!(slacks, [true, true, false, false], "by slack");
+        assert_eq!([0.0, 1.0, f64::NAN].map(|blur| is_fitted(SLACK, blur)), [true, true, false], "by blur");
+        assert!(fit(&[], Doubt::MIN).is_none(), "no facet");
+    }
+
+    /// Slivers whose corners have coordinates of very different magnitudes, so that differences and products
+    /// are rounded. The normal in whole numbers of 128 bits is within half of the slack of a facet's.
+    #[test]
+    fn normals_of_slivers_are_known_or_unknown() {
+        const UNIT: f64 = 1.0 / 1_048_576.0;
+        let (mut random, mut counts, mut off) = (Random(54), [0; 3], 0);
+        for round in 0..200_000 {
+            let mut corner =
+                |bits: usize, scale: i32| [0; 3].map(|_| random.magnitude(bits) as f64 * 2f64.powi(scale));
+            let (few, far) = (1 + round % 24, [8, 24][round / 4 % 2]);
+            let a = if round % 16 == 0 { [0.0; 3] } else { corner(few, 4 - few as i32) };
+            let p = corner(10, far);
+            // A multiple of the first side, and a little beside it or nothing.
+            let beside =
+                if round % 4 == 0 { [0.0; 3] } else { corner(1 + round % 8, -20 + (round % 28) as i32) };
+            let (b, c) = (p, [0, 1, 2].map(|k| 3.0 * p[k] + beside[k]));
+            let mut corners = [a, b, c];
+            if round % 8 == 5 {
+                // A first corner so near the middle of the others that products are equal by rounding alone,
+                // and in every other case the differences are.
+                let whole = 128 + (round / 16 % 120) as i32;
+                let size = [24, 27][round / 8 % 2];
+                let p = [0, 1, 2].map(|k: i32| f64::from(whole + k * k) * 2f64.powi(size));
+                corners = [[UNIT; 3], p, p.map(|x| -x)];
+            }
+            let triangle = corners.map(|corner| Vec3::from_array(corner.map(|x| x as f32)));
+            let whole = triangle.map(|corner| corner.to_array().map(|x| (f64::from(x) / UNIT) as i128));
+            assert_eq!(
+                whole.map(|corner| corner.map(|x| (x as f64 * UNIT) as f32)),
+                triangle.map(|corner| corner.to_array()),
+                "{round}: corners are multiples of the unit"
+            );
+            let [p, q] = [1, 2].map(|i| [0, 1, 2].map(|k| whole[i][k] - whole[0][k]));
+            let cross = [[1, 2], [2, 0], [0, 1]].map(|[i, j]| p[i] * q[j] - p[j] * q[i]);
+            let normal = DVec3::from_array(cross.map(|x| x as f64)).normalize_or_zero();
+            match Surface::of(&triangle) {
+                Surface::Facet(facet) => {
+                    counts[0] += 1;
+                    let error = (facet.normal - normal).length();
+                    assert!(error <= SLACK / 2.0, "{round}: {triangle:?} is off by {error}");
+                    off += u32::from(error > SLACK / 2048.0);
+                }
+                Surface::Nothing => {
+                    counts[1] += 1;
+                    assert_eq!(cross, [0; 3], "{round}: {triangle:?} counts as nothing");
+                }
+                Surface::Unknown => counts[2] += 1,
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 1_000), "facets, nothing and unknown: {counts:?}");
+        assert!(off > 20, "{off} of {counts:?} normals are off by a thousandth of the bound");
+    }
 
     #[test]
     fn a_plane_that_is_nan_has_no_apex_wherever_it_is_listed() {

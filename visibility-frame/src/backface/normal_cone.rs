@@ -180,8 +180,15 @@ impl NormalCone {
     /// ```
     #[must_use]
     pub fn transformed(&self, transform: &DAffine3) -> Self {
+        let facets = self.transformed_facets(transform);
+        facets.map_or(Self::OPEN, |(facets, doubt)| Self::new(fit(&facets, doubt)))
+    }
+
+    /// Returns the [`facets`](Self::facets) of this cone in the coordinates that `transform` maps to, and
+    /// bounds on their errors. `None` for an open cone, and for a transform that flattens or is not finite.
+    fn transformed_facets(&self, transform: &DAffine3) -> Option<(Vec<Facet>, Doubt)> {
         if self.is_open() || !transform.is_finite() {
-            return Self::OPEN;
+            return None;
         }
         let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
         // Normals are transformed by the cofactor matrix. The matrix is first divided by its greatest
@@ -194,7 +201,7 @@ impl NormalCone {
         const U: f64 = f64::EPSILON;
         let flat = determinant.abs() <= 64.0 * U || determinant.is_nan();
         if flat {
-            return Self::OPEN;
+            return None;
         }
         let norm = cofactors.map(|row| row.length()).iter().sum::<f64>();
         let mirrored = determinant < 0.0;
@@ -216,6 +223,117 @@ impl NormalCone {
             let points = if mirrored { [points[1], points[0]] } else { points };
             facets.push(Facet { normal: normal / length, points, extent: extent * greatest });
         }
-        Self::new(fit(&facets, doubt))
+        Some((facets, doubt))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::geometry::DoubleDouble;
+    use visibility_core::glam::{DMat3, Vec3};
+    use visibility_testing::Random;
+
+    /// Returns a random matrix: of any elements, nearly flat, or of lengths that differ.
+    fn matrix(random: &mut Random, kind: usize) -> DMat3 {
+        let [mut a, mut b, mut c] = [(); 3].map(|()| random.fine_vector(1.0));
+        match kind {
+            0 => {}
+            1 => c = a * 0.7 + b * 0.4 + c * 2f64.powi(-random.between(4, 30)),
+            _ => {
+                let scale = 2f64.powi(random.between(-9, 9));
+                (a, b) = (a * scale, b + a * 2f64.powi(random.between(-3, 3)));
+            }
+        }
+        DMat3::from_cols(a, b, c) * 2f64.powi(random.between(-20, 20))
+    }
+
+    /// A flipped cone has the margin of the cone, and the numbers that decide end in it. An eye in the plane
+    /// of a triangle is in neither cone.
+    #[test]
+    fn flipped_cones_keep_the_margin() {
+        let cone = NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+        let flipped = cone.flipped();
+        assert!(cone.margin > 0.0 && !cone.is_open(), "{cone:?}");
+        assert_eq!([flipped.margin, flipped.numbers()[NUMBERS - 1]], [cone.margin; 2], "{flipped:?}");
+        let seen = [0.0, 3.0, -3.0].map(|z| cone.facing(&Eye::Point(DVec3::new(0.2, 0.2, z))));
+        assert_eq!(seen, [Facing::Undecided, Facing::Front, Facing::Back], "beside, before and behind");
+    }
+
+    /// Facets of a transformed cone, in double-double arithmetic: normals that are off by the slack before
+    /// are within the error told after, and so are the apexes.
+    #[test]
+    fn transformed_facets_are_within_their_errors() {
+        let (mut random, mut tight, mut moved) = (Random(61), 0, 0);
+        for round in 0..3_000 {
+            let size = 2f64.powi(random.between(-4, 12));
+            let place = random.vector(size).as_vec3();
+            let triangles = [(); 2].map(|()| {
+                let flat = random.vec3(-0.3, 0.3);
+                [place, place + Vec3::X + flat, place + Vec3::Y + Vec3::Z * flat.x]
+            });
+            let cone = NormalCone::from_triangles(&triangles);
+            let transform =
+                DAffine3 { matrix3: matrix(&mut random, round % 3), translation: random.fine_vector(9.0) };
+            let Some((facets, doubt)) = cone.transformed_facets(&transform) else { continue };
+            let columns = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
+            let is_mirrored = transform.matrix3.determinant() < 0.0;
+            for (before, after) in cone.facets().zip(&facets) {
+                for _ in 0..4 {
+                    let off = before.normal + random.direction() * SLACK;
+                    // The cofactors times the normal, each component to twice the digits of `f64`.
+                    let exact = DVec3::from_array([0, 1, 2].map(|k| {
+                        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+                        let terms = [0, 1, 2].map(|n| {
+                            let (p, q) = (columns[(n + 1) % 3], columns[(n + 2) % 3]);
+                            DoubleDouble::product(p[i], q[j])
+                                .plus(DoubleDouble::product(p[j], q[i]).negated())
+                                .times(off[n].into())
+                        });
+                        terms[0].plus(terms[1]).plus(terms[2]).hi
+                    }));
+                    let distance = (exact.normalize() - after.normal).length();
+                    assert!(distance <= doubt.slack, "{round}: off by {distance}, {doubt:?}, {transform:?}");
+                    tight += u32::from(distance > 0.5 * doubt.slack);
+                }
+                for side in 0..2 {
+                    let p = before.points[if is_mirrored { 1 - side } else { side }];
+                    let off = DVec3::from_array([0, 1, 2].map(|k| {
+                        let start = DoubleDouble::difference(transform.translation[k], after.points[side][k]);
+                        let terms = [0, 1, 2].map(|n| DoubleDouble::product(columns[n][k], p[n]));
+                        terms.into_iter().fold(start, DoubleDouble::plus).hi
+                    }));
+                    let distance = off.length();
+                    assert!(
+                        distance <= doubt.blur,
+                        "{round}: an apex is off by {distance} of {}",
+                        doubt.blur
+                    );
+                    moved += u32::from(distance > 0.0);
+                }
+            }
+        }
+        assert!(
+            tight > 1_000 && moved > 1_000,
+            "{tight} normals off by half of the error, {moved} apexes off"
+        );
+    }
+
+    /// The sign of a determinant that is made of rounding does not tell which side is the front.
+    #[test]
+    fn flat_transforms_open_the_cone() {
+        let cone =
+            NormalCone::from_triangles(&[[Vec3::ZERO, Vec3::new(1.0, 0.1, 0.2), Vec3::new(0.3, 1.0, 0.0)]]);
+        let (mut random, mut doubtful) = (Random(62), 0);
+        for round in 0..10_000 {
+            let mut whole =
+                || DVec3::from_array([(); 3].map(|()| f64::from(random.between(-1 << 22, 1 << 22))));
+            let (a, b) = (whole(), whole());
+            let matrix = DMat3::from_cols(a, b, a + b);
+            doubtful += u32::from(matrix.determinant() != 0.0);
+            let transform = DAffine3 { matrix3: matrix, translation: DVec3::ZERO };
+            assert!(cone.transformed(&transform).is_open(), "{round}: {transform:?}");
+        }
+        assert!(doubtful > 1_000, "{doubtful} have a determinant that rounding makes");
     }
 }

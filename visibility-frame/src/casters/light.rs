@@ -113,3 +113,31 @@ impl fmt::Display for LightError {
 }
 
 impl core::error::Error for LightError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lights_are_refused_by_what_is_wrong_with_them() {
+        let sun = |toward_light: DVec3| Light::Directional { toward_light }.check();
+        assert_eq!(sun(DVec3::X * 1e-300), Ok(()), "a short direction");
+        for direction in [DVec3::ZERO, DVec3::NAN, DVec3::X * f64::INFINITY] {
+            assert_eq!(sun(direction), Err(LightError::Direction), "{direction}");
+        }
+        let lamp = |x: f64, range: f64| Light::Point { position: DVec3::X * x, range }.check();
+        assert_eq!([lamp(0.0, 1e-300), lamp(1.0, f64::INFINITY)], [Ok(()); 2], "any range");
+        assert_eq!(lamp(f64::NAN, 1.0), Err(LightError::Position), "no position");
+        for range in [0.0, -1.0] {
+            assert_eq!(lamp(1.0, range), Err(LightError::Range { range }), "no range");
+        }
+        assert!(matches!(lamp(1.0, f64::NAN), Err(LightError::Range { .. })), "a range of NaN");
+        let spot = |half_angle: f64| {
+            let (position, direction) = (DVec3::ZERO, DVec3::X);
+            Light::Spot { position, direction, half_angle, range: 1.0 }.check().is_ok()
+        };
+        let pi = core::f64::consts::PI;
+        let found = [1e-9, pi, pi.next_up(), 0.0, -1.0, f64::NAN].map(spot);
+        assert_eq!(found, [true, true, false, false, false, false], "by half angle");
+    }
+}

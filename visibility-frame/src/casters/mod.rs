@@ -277,3 +277,73 @@ fn is_within(bounds: &Aabb, light: DVec3, range: f64) -> bool {
     let beyond = gap.x * gap.x + gap.y * gap.y + gap.z * gap.z > 1.0;
     !beyond
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::geometry::{DoubleDouble, sqrt};
+    use visibility_core::glam::Vec3;
+    use visibility_testing::Random;
+
+    #[test]
+    fn cones_that_are_almost_half_spaces_count_as_none() {
+        let half_pi = core::f64::consts::FRAC_PI_2;
+        let tangent = |half_angle: f64| {
+            let (position, direction) = (DVec3::ZERO, DVec3::X);
+            cone_tangent(&Light::Spot { position, direction, half_angle, range: 1.0 })
+        };
+        let found =
+            [1e-3, half_pi - 1e-8, half_pi - 1e-10, half_pi, 2.0, 3.0].map(|at| tangent(at).is_some());
+        assert_eq!(found, [true, true, false, false, false, false], "by half angle");
+    }
+
+    #[test]
+    fn the_reach_is_that_of_the_farther_side() {
+        let mut scene = Scene::new();
+        assert_eq!(reach(&scene), DVec3::ZERO, "of no objects");
+        scene.insert(Aabb::from_arrays([-3.0, 1.0, -1.0], [1.0, 5.0, 1.0]));
+        assert_eq!(reach(&scene), DVec3::new(3.0, 5.0, 1.0), "of a box");
+    }
+
+    /// Boxes of one point that the range of a light just reaches, by squares in double-double arithmetic. The
+    /// light is the difference of two points of the world, which is rounded.
+    #[test]
+    fn what_the_range_just_reaches_is_within_it() {
+        let (mut random, mut rounded) = (Random(71), 0);
+        for round in 0..20_000 {
+            let far = 2f64.powi(random.between(0, 24));
+            let (position, origin) = (random.fine_vector(far), random.fine_vector(1.0));
+            let near = 2f64.powi(random.between(-20, 20));
+            let light = position - origin;
+            let at = (light + random.vector(near)).as_vec3();
+            let [x, y, z] = [0, 1, 2].map(|k| {
+                DoubleDouble::difference(position[k], origin[k])
+                    .plus(DoubleDouble::from(f64::from(at[k])).negated())
+            });
+            let exact = x.times(x).plus(y.times(y)).plus(z.times(z));
+            let excess = |range: f64| DoubleDouble::product(range, range).plus(exact.negated()).hi;
+            let mut range = sqrt(exact.hi).next_down();
+            while excess(range) < 0.0 {
+                range = range.next_up();
+            }
+            let bounds = Aabb::new(at, at);
+            assert!(
+                is_within(&bounds, light, range),
+                "{round}: {at} is {range} m from {position} - {origin}"
+            );
+            rounded += u32::from((at.as_dvec3() - light).length() > range);
+            let less = range * (1.0 - 1e-12) - light.abs().max_element() * 1e-14;
+            if less > 0.0 {
+                assert!(!is_within(&bounds, light, less), "{round}: {at} is farther than {less} m");
+            }
+        }
+        assert!(rounded > 1_000, "{rounded} distances are rounded up");
+        let unit = Aabb::new(Vec3::ZERO, Vec3::ONE);
+        for (light, is) in [(DVec3::splat(0.5), true), (DVec3::X * 3.0, true), (DVec3::X * -2.0, true)] {
+            assert_eq!(is_within(&unit, light, 2.0), is, "a cube, from {light}");
+        }
+        for light in [DVec3::X * 3.01, DVec3::Y * -2.01, DVec3::Z * 3.01] {
+            assert!(!is_within(&unit, light, 2.0), "a cube, from {light}");
+        }
+    }
+}

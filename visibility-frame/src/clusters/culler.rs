@@ -287,3 +287,68 @@ impl InstanceWalk<'_> {
         (placed, known)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backface::NormalCone;
+    use visibility_core::glam::{DVec3, Vec3};
+    use visibility_core::{Aabb, Object, Pose};
+
+    /// Clusters of a mesh of several levels, half of which show their backs, and of objects that are drawn
+    /// from both sides.
+    #[test]
+    fn backs_are_dropped_of_what_is_one_sided() {
+        let clusters = (0..500).map(|i| {
+            let at = Vec3::new(i as f32 * 0.1, 0.0, 0.0);
+            let floor = [at, at + Vec3::X, at + Vec3::Y];
+            let cone = NormalCone::from_triangles(&[floor]);
+            (Aabb::from_points(floor), if i % 2 == 0 { cone } else { cone.flipped() })
+        });
+        let mesh = ClusterMesh::new(clusters);
+        let mut scene = Scene::new();
+        let bounds = Aabb::from_arrays([0.0; 3], [51.0, 1.0, 0.0]);
+        let ids = [false, true].map(|one_sided| scene.insert(Object { one_sided, ..Object::new(bounds) }));
+        let pose = Pose::look_at(DVec3::new(25.0, 0.5, -60.0), DVec3::new(25.0, 0.5, 0.0), DVec3::Y);
+        let view = View::perspective(pose, 1.5, 1.0, 0.1, 99.0).unwrap();
+        let mut visible = VisibleSet::new();
+        visible.fill(&scene, &view);
+        for two_sided in [false, true] {
+            let mut list = Vec::new();
+            let instance = ClusterInstance { two_sided, ..ClusterInstance::new(&mesh, Affine3A::IDENTITY) };
+            ClusterView::new(&scene, &view).cull(&visible, |_| Some(instance), &mut list);
+            let counts = ids.map(|id| list.iter().filter(|of| of.instance == id).count());
+            assert_eq!(counts, [500, if two_sided { 500 } else { 250 }], "two-sided instance: {two_sided}");
+            let fronts = list.iter().filter(|of| of.instance == ids[1] && of.cluster % 2 == 1).count();
+            assert_eq!(fronts, 250, "fronts listed");
+        }
+    }
+
+    /// A floor that shows its back is listed while the eye may be above it: an eye that is off by `r` changes
+    /// what the cone's test compares by less than `4.2 r`, for which the test takes `5 r`.
+    #[test]
+    fn backs_are_listed_within_the_error_of_the_eye() {
+        let floor = [Vec3::new(-9.0, -9.0, 0.0), Vec3::new(9.0, -9.0, 0.0), Vec3::new(0.0, 9.0, 0.0)];
+        let cone = NormalCone::from_triangles(&[floor]);
+        let mesh = ClusterMesh::new([(Aabb::from_points(floor), cone)]);
+        let scene = Scene::new();
+        let listed = |below: f64, error: f64| {
+            let eye = DVec3::Z * -below;
+            let pose = Pose::look_at(eye, DVec3::ZERO, DVec3::X);
+            let view = View::perspective(pose, 1.0, 1.0, 0.1, 99.0).unwrap();
+            let mut view = ClusterView::new(&scene, &view);
+            let mut count = 0;
+            view.eye_error += error;
+            view.cull_instance(&ClusterInstance::new(&mesh, Affine3A::IDENTITY), |_| count += 1);
+            count
+        };
+        let counts = [0.0, 1.0].map(|error| [4.0, 30.0].map(|below| listed(below, error)));
+        assert_eq!(counts, [[0, 0], [1, 0]], "by error of the eye, from 4 and 30 m below");
+        let view =
+            View::perspective(Pose::look_at(DVec3::X * 1e9, DVec3::ZERO, DVec3::Z), 1.0, 1.0, 0.1, 99.0);
+        let view = view.unwrap();
+        let error = ViewProjection::new(&view, scene.origin()).eye_error();
+        assert!(error > 0.0, "an eye a million kilometres away is off");
+        assert_eq!(ClusterView::new(&scene, &view).eye_error, error, "error of the eye in metres");
+    }
+}

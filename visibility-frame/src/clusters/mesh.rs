@@ -146,3 +146,27 @@ fn add_levels(boxes: &mut Vec<Boxes64>) -> Vec<usize> {
     }
     levels
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_hold_all_clusters_and_the_reach_is_that_of_the_farthest() {
+        let count = FAN_OUT * FAN_OUT + 70;
+        let boxes = (0..count).map(|i| Aabb::from_arrays([i as f32 - 9.0, -8.0, 0.5], [i as f32, 3.0, 1.0]));
+        let mesh = ClusterMesh::new(boxes.map(|bounds| (bounds, NormalCone::OPEN)));
+        assert_eq!(mesh.reach(), DVec3::new(count as f64 - 1.0, 8.0, 1.0), "the greatest coordinates");
+        assert_eq!(mesh.level_count(), 3, "levels of {count} clusters");
+        let blocks = [count.div_ceil(FAN_OUT), 2, 1];
+        for (level, blocks) in blocks.into_iter().enumerate() {
+            let used =
+                (0..blocks).map(|block| mesh.block(level, block).1.count_ones() as usize).sum::<usize>();
+            let below = if level == 0 { count } else { [count.div_ceil(FAN_OUT), 2][level - 1] };
+            assert_eq!(used, below, "lanes of level {level}");
+        }
+        let mut all: Vec<u32> = (0..blocks[0]).flat_map(|block| mesh.clusters_of(block).to_vec()).collect();
+        all.sort_unstable();
+        assert!(all.into_iter().eq(0..count as u32), "each cluster once");
+    }
+}

@@ -238,3 +238,36 @@ impl Culler for ContributionCuller {
         self.near.clear();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Pose;
+
+    #[test]
+    fn sizes_count_with_a_height_and_a_limit() {
+        let follows = |height: f64, limit: f64| ContributionCuller::new(height, limit).follows_sizes();
+        for height in [0.0, -1.0, f64::NAN] {
+            assert!(!follows(height, 2.0) && !follows(1000.0, height), "height or limit {height}");
+        }
+        assert!(follows(1000.0, 2.0), "a height and a limit");
+    }
+
+    /// Small objects below inner nodes are removed, and the large one among them stays.
+    #[test]
+    fn small_objects_of_many_nodes_are_removed() {
+        let mut scene = Scene::new();
+        let cups = (0..5000).map(|i| {
+            let at = [100.0, (i % 70) as f32, (i / 70) as f32];
+            Aabb::from_arrays(at, at.map(|x| x + 0.01))
+        });
+        scene.insert_batch(cups);
+        let house = scene.insert(Aabb::from_arrays([100.0, 3.0, 3.0], [110.0, 9.0, 9.0]));
+        let view =
+            View::perspective(Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z), 2.0, 1.0, 0.1, 1e3).unwrap();
+        let mut visible = VisibleSet::new();
+        visible.fill(&scene, &view);
+        ContributionCuller::new(1000.0, 4.0).cull(&scene, &view, &mut visible);
+        assert_eq!(visible.iter(&scene).collect::<alloc::vec::Vec<_>>(), [house], "what is large enough");
+    }
+}

@@ -84,6 +84,8 @@ mod tests {
     use super::*;
     use visibility_core::geometry::DoubleDouble;
     use visibility_core::glam::Vec3;
+    use visibility_core::view::Window;
+    use visibility_core::{Pose, View};
     use visibility_testing::Random;
 
     /// The eye is within an error of a point whose coordinates were rounded once. In double-double arithmetic
@@ -105,6 +107,35 @@ mod tests {
                 assert!(below >= 0.0 && above >= 0.0, "{round}: {found:?} around {point}, off by {error}");
             }
         }
+    }
+
+    /// The box of a perspective view reaches as far around its eye as the eye may be off; that of a parallel
+    /// view, everywhere.
+    #[test]
+    fn the_box_of_a_view_holds_the_error_of_its_eye() {
+        let mut errors = 0.0;
+        for place in [DVec3::ZERO, DVec3::new(1e9, 0.0, 0.0), DVec3::new(0.0, -1e7, 3.0)] {
+            let pose = Pose::look_at(place, place + DVec3::new(1.0, 0.3, 0.2), DVec3::Z);
+            let projection =
+                ViewProjection::new(&View::perspective(pose, 1.0, 1.5, 0.1, 9.0).unwrap(), DVec3::ZERO);
+            let (Eye::Point(eye), error) = (projection.eye(), projection.eye_error()) else {
+                panic!("a perspective view from {place} has no eye")
+            };
+            let EyeBox { low, high } = EyeBox::of_view(&projection);
+            for k in 0..3 {
+                // Differences beside large coordinates are rounded.
+                let rounding = 4.0 * U * place[k].abs();
+                for reach in [high[k] - eye[k], eye[k] - low[k]] {
+                    let is = error - rounding <= reach && reach <= 2.0 * error + 4.0 * rounding;
+                    assert!(is, "axis {k}: {reach} around {eye}, off by {error}");
+                }
+            }
+            errors += error;
+            let parallel = View::orthographic(pose, Window::centered(1.0, 1.0), 0.1, 9.0).unwrap();
+            let EyeBox { low, high } = EyeBox::of_view(&ViewProjection::new(&parallel, DVec3::ZERO));
+            assert_eq!((low, high), (DVec3::NEG_INFINITY, DVec3::INFINITY), "the eye of a parallel view");
+        }
+        assert!(errors > 1e-9, "errors of {errors}");
     }
 
     /// Distances that are just below or above those of boxes, by squares in double-double arithmetic.

@@ -103,3 +103,52 @@ fn cross_above(a: DVec3, b: DVec3) -> DVec3 {
     };
     DVec3::new(part(1, 2), part(2, 0), part(0, 1))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Pose;
+    use visibility_core::view::Window;
+    use visibility_testing::Random;
+
+    /// A box of just the least size, as the scale computes it, is not small, whatever the rounding of its
+    /// square root and of the test.
+    #[test]
+    fn boxes_of_the_least_size_are_not_small() {
+        let mut random = Random(81);
+        for round in 0..20_000 {
+            let pose = Pose::look_at(DVec3::ZERO, random.direction(), DVec3::new(0.3, 0.2, 0.9));
+            let view = if round % 4 == 0 {
+                View::orthographic(pose, Window::centered(random.range(1.0, 9.0), 5.0), 0.0, 99.0)
+            } else {
+                View::perspective(pose, random.range(0.1, 2.0), 1.5, 0.1, 99.0)
+            };
+            let scale = PixelScale::new(&view.unwrap(), DVec3::ZERO, random.range(100.0, 2000.0));
+            let min = random.vec3(-9.0, 9.0);
+            let bounds = Aabb::new(min, min + random.vec3(0.0, 1.0));
+            let least = scale.diameter(&bounds);
+            let is_small = |least: f64| {
+                scale
+                    .smaller_than(least)
+                    .is_some_and(|test| test.is_small(&bounds, bounds.diagonal_squared()))
+            };
+            assert!(!is_small(least), "{round}: {bounds:?} has {least} pixels");
+            assert!(least.is_infinite() || is_small(least * (1.0 + 1e-9)), "{round}: {bounds:?} is smaller");
+        }
+    }
+
+    #[test]
+    fn without_a_height_or_a_limit_no_box_is_small() {
+        let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+        let view = View::perspective(pose, 1.0, 1.5, 0.1, 99.0).unwrap();
+        let pole = Aabb::from_arrays([10.0, 0.0, 0.0], [10.0, 0.0, 2.0]);
+        for height in [0.0, -9.0, f64::NAN] {
+            let scale = PixelScale::new(&view, DVec3::ZERO, height);
+            assert!(scale.diameter(&pole).is_nan(), "{height} rows");
+            assert_eq!(scale.smaller_than(2.0), None, "{height} rows");
+        }
+        let scale = PixelScale::new(&view, DVec3::ZERO, 1000.0);
+        let tests = [0.0, -2.0, f64::NAN, 2.0].map(|least| scale.smaller_than(least).is_some());
+        assert_eq!(tests, [false, false, false, true], "by limit in pixels");
+    }
+}

@@ -289,3 +289,123 @@ impl LodSelector {
         self.selected.clear();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Pose;
+
+    #[test]
+    fn levels_are_counted_by_sizes_that_are_sizes() {
+        let level = |pixels: f64, sizes: &[f32]| level_of(pixels * pixels, sizes, 1.0);
+        let found = [201.0, 200.0, 199.0, 50.0, 49.0].map(|pixels| level(pixels, &[200.0, 50.0]));
+        assert_eq!(found, [0, 0, 1, 1, 2], "200 pixels and 50");
+        assert_eq!(level(10.0, &[-300.0, f32::NAN, 0.0, 20.0]), 1, "sizes that are none");
+    }
+
+    #[test]
+    fn a_change_of_level_fades_to_its_end() {
+        let mut state = State { level: 1, previous: 1, ..State::NONE };
+        let mut step = |levels: RangeInclusive<u8>, step: f32| {
+            state.advance(levels, step);
+            (state.level, state.previous, state.fade)
+        };
+        assert_eq!(step(0..=2, 0.5), (1, 1, 1.0), "within the hysteresis");
+        assert_eq!(step(2..=3, 0.5), (2, 1, 0.0), "the next level begins to fade in");
+        assert_eq!(step(0..=0, 0.5), (2, 1, 0.5), "no change while it fades");
+        assert_eq!(step(2..=2, 0.5), (2, 2, 1.0), "faded in");
+        assert_eq!(step(0..=0, f32::INFINITY), (0, 0, 1.0), "a change at once");
+    }
+
+    #[test]
+    fn opacities_are_those_of_ranges_with_a_margin() {
+        let mut scene = Scene::new();
+        let pole = Aabb::from_arrays([0.0; 3], [0.0, 0.0, 1.0]);
+        let ids = scene.insert_batch([pole; 5]);
+        let [fading, hard, kept, child, parent] = ids[..] else { unreachable!("5 ids") };
+        let range = DrawRange { begin: 10.0, end: 20.0, margin: 4.0 };
+        for (id, range) in [
+            (fading, range),
+            (hard, DrawRange { margin: 0.0, ..range }),
+            (kept, range),
+            (child, DrawRange { begin: 0.0, ..range }),
+            (parent, DrawRange { begin: 20.0, end: 40.0, ..range }),
+        ] {
+            scene.set_draw_range(id, range).unwrap();
+        }
+        scene.set_never_cull(kept, true).unwrap();
+        scene.set_hlod_parent(child, Some(parent)).unwrap();
+        let at = |id: ObjectId, distance: f64| {
+            let eye = EyeBox::of_point(DVec3::X * -distance, DVec3::ZERO);
+            opacity(&scene, id, &pole, &eye)
+        };
+        for (distance, expected) in [
+            (5.0, [0.0, 1.0, 1.0, 1.0, 1.0]),
+            (12.0, [0.5, 1.0, 1.0, 1.0, 1.0]),
+            (15.0, [1.0, 1.0, 1.0, 1.0, 1.0]),
+            (19.0, [0.25, 1.0, 1.0, 1.0, 1.0]),
+            (39.0, [0.0, 1.0, 1.0, 1.0, 0.25]),
+        ] {
+            let found = [fading, hard, kept, child, parent].map(|id| at(id, distance));
+            let off = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(off < 1e-6, "{distance} m away: {found:?} instead of {expected:?}");
+        }
+    }
+
+    /// Levels of an object that was seen in the frame before fade, those of others are set at once.
+    #[test]
+    fn levels_fade_for_what_was_seen_in_the_frame_before() {
+        let pose = |x: f64| Pose::look_at(DVec3::X * x, DVec3::X * (x + 1.0), DVec3::Z);
+        let view = |x: f64| View::perspective(pose(x), 1.0, 1.0, 0.1, 1e4).unwrap();
+        let pole = Aabb::from_arrays([0.0; 3], [0.0, 0.0, 1.0]);
+        let mut scene = Scene::new();
+        let [id, other] = [(); 2].map(|()| scene.insert(pole));
+        let (mut lods, mut visible) = (LodSelector::new(1000.0).with_fade(1.0), VisibleSet::new());
+        let shares = [0.5, 2.0, -1.0, f64::NAN].map(|share| LodSelector::new(1.0).with_hysteresis(share));
+        assert_eq!(shares.map(|lods| lods.hysteresis), [0.5, 0.9, 0.0, 0.0], "hysteresis");
+        let mut see = |scene: &Scene, x: f64, elapsed: f32, lods: &mut LodSelector| {
+            visible.fill(scene, &view(x));
+            lods.select(scene, &view(x), &visible, elapsed, |_| &[50.0]);
+        };
+        see(&scene, -1.0, 0.1, &mut lods);
+        see(&scene, -1000.0, 0.1, &mut lods);
+        let lod =
+            |lods: &LodSelector, id: ObjectId| lods.lod(id).map(|lod| (lod.level, lod.previous, lod.fade));
+        assert_eq!(lod(&lods, id), Some((1, 0, 0.0)), "it begins to fade");
+        see(&scene, -1000.0, 0.25, &mut lods);
+        see(&scene, -1000.0, -3.0, &mut lods);
+        assert_eq!(
+            lod(&lods, id),
+            Some((1, 0, 0.25)),
+            "a quarter of a second later, and time that runs back"
+        );
+        // Another object with its index is as it is at once, as is one that was not seen in the frame before.
+        scene.remove(id).unwrap();
+        let new = scene.insert(pole);
+        assert_eq!(new.index(), id.index(), "the index is used again");
+        see(&scene, -1.0, 0.1, &mut lods);
+        assert_eq!([lod(&lods, new), lod(&lods, id)], [Some((0, 0, 1.0)), None], "another object");
+        see(&Scene::clone(&scene), -1.0, 0.1, &mut lods);
+        see(&scene, -1.0, 0.1, &mut lods);
+        let mut away = VisibleSet::new();
+        away.fill(&scene, &view(-1.0).with_layers(0));
+        lods.select(&scene, &view(-1.0), &away, 0.1, |_| &[50.0]);
+        assert_eq!(lod(&lods, other), None, "an object that is not seen");
+        see(&scene, -1000.0, 0.1, &mut lods);
+        assert_eq!(lod(&lods, other), Some((1, 1, 1.0)), "an object that was not seen in the frame before");
+        // Levels that change at once, and more sizes than count.
+        let mut sudden = LodSelector::new(1000.0).with_fade(0.0);
+        see(&scene, -1.0, 0.0, &mut sudden);
+        see(&scene, -1000.0, 0.0, &mut sudden);
+        assert_eq!(lod(&sudden, other), Some((1, 1, 1.0)), "without a fade");
+        // A scene with fewer objects.
+        let mut small = Scene::new();
+        small.insert(pole);
+        see(&small, -1.0, 0.1, &mut lods);
+        assert_eq!(lods.selected().len(), 1, "objects of a smaller scene");
+        visible.fill(&scene, &view(-1000.0));
+        sudden.reset();
+        sudden.select(&scene, &view(-1000.0), &visible, 0.1, |_| &[50.0; 300]);
+        assert_eq!(lod(&sudden, other), Some((255, 255, 1.0)), "300 sizes");
+    }
+}

@@ -51,3 +51,30 @@ impl Deadlines {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_testing::Random;
+
+    /// Deadlines that are whole numbers, so that many are equal to the time asked for.
+    #[test]
+    fn each_deadline_before_the_time_is_told_once() {
+        let (mut random, mut deadlines) = (Random(91), Deadlines::new());
+        let mut plain = alloc::vec![f64::INFINITY; 300];
+        deadlines.grow(plain.len());
+        for time in 0..300 {
+            for _ in 0..3 {
+                let (place, deadline) = (random.below(plain.len()), f64::from(time + random.between(0, 40)));
+                deadlines.set(place as u32, deadline);
+                plain[place] = deadline;
+            }
+            let mut ended = Vec::new();
+            deadlines.take_before(f64::from(time), |place| ended.push(place as usize));
+            let wanted: Vec<usize> =
+                (0..plain.len()).filter(|&place| plain[place] < f64::from(time)).collect();
+            assert_eq!(ended, wanted, "before {time}");
+            wanted.iter().for_each(|&place| plain[place] = f64::INFINITY);
+        }
+    }
+}

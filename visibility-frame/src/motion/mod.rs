@@ -490,8 +490,79 @@ impl MotionVolumes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use visibility_core::glam::DVec3;
+    use visibility_core::glam::{Affine3A, DVec3};
+    use visibility_core::scene::DrawRange;
+    use visibility_core::{OccluderMesh, Pose, View};
     use visibility_testing::Random;
+
+    /// Volumes of speeds and regions at their limits.
+    #[test]
+    fn volumes_are_of_what_is_known() {
+        let bounds = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+        let volume = |motion: Motion| motion.volume(&bounds, 2.0);
+        for speed in [-1.0, f32::NAN, f32::INFINITY] {
+            assert_eq!(volume(Motion::new(speed)), None, "a speed of {speed}");
+        }
+        assert!(volume(Motion::new(0.0)).is_some(), "a mover that stands still");
+        let infinite = Aabb::from_arrays([0.0; 3], [1.0, f32::INFINITY, 1.0]);
+        assert_eq!(Motion::new(1.0).volume(&infinite, 2.0), None, "bounds that are not finite");
+        let fast = |region: Aabb| volume(Motion::new(f32::INFINITY).within(region));
+        assert_eq!(fast(bounds), Some(bounds), "of a region that is just the bounds");
+        for axis in 0..3 {
+            for (min, max) in [(0.5, 2.0), (-1.0, 0.5)] {
+                let mut region = Aabb::from_arrays([-1.0; 3], [2.0; 3]);
+                assert_eq!(fast(region), Some(region), "of a region around the bounds");
+                (region.min[axis], region.max[axis]) = (min, max);
+                assert_eq!(fast(region), None, "axis {axis}: a region that does not hold the bounds");
+            }
+        }
+    }
+
+    /// Only a mover that is its bounds alone may have others in their place.
+    #[test]
+    fn movers_with_ranges_parents_or_shapes_may_have_no_volume() {
+        let mut scene = Scene::new();
+        let bounds = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+        let ids = scene.insert_batch((0..8).map(|_| bounds));
+        let [plain, near, begins, child, parent, meshed, drawn, local] = ids[..] else {
+            unreachable!("8 ids")
+        };
+        scene.set_draw_range(near, DrawRange { end: 9.0, ..DrawRange::ALWAYS }).unwrap();
+        scene.set_draw_range(begins, DrawRange { begin: 9.0, ..DrawRange::ALWAYS }).unwrap();
+        scene.set_hlod_parent(child, Some(parent)).unwrap();
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&bounds).unwrap());
+        scene.set_mesh(meshed, mesh, Affine3A::IDENTITY).unwrap();
+        scene.set_triangles(drawn, [[Vec3::ZERO, Vec3::X, Vec3::Y]]).unwrap();
+        scene.set_local_bounds(local, bounds).unwrap();
+        let may =
+            [plain, near, begins, child, parent, meshed, drawn, local].map(|id| may_have_volume(&scene, id));
+        assert_eq!(may, [true, true, false, false, false, false, false, false], "by what movers have");
+    }
+
+    /// All movers are due once time runs backwards or is unknown, and none are that have a volume otherwise.
+    #[test]
+    fn movers_are_due_when_time_jumps_back() {
+        for (jump, is_due) in [(10.5, false), (9.0, true), (f64::NAN, true)] {
+            let (mut scene, mut volumes, mut visible) =
+                (Scene::new(), MotionVolumes::new(), VisibleSet::new());
+            let pose = Pose::look_at(DVec3::ZERO, DVec3::X, DVec3::Z);
+            let nothing = View::perspective(pose, 1.0, 1.0, 0.1, 9.0).unwrap().with_layers(0);
+            let bounds = Aabb::from_arrays([0.0; 3], [1.0; 3]);
+            let id = scene.insert(bounds);
+            volumes.insert(id, Motion::new(1.0));
+            let (mut due, mut seen) = (Vec::new(), Vec::new());
+            for time in [7.0, 8.0, 9.0, 10.0] {
+                volumes.begin_frame(&mut scene, time, &mut due);
+                let set: Vec<_> = due.iter().map(|&id| (id, bounds)).collect();
+                volumes.set_bounds_batch(&mut scene, &set).unwrap();
+                visible.fill(&scene, &nothing);
+                volumes.end_frame(&scene, &visible, &mut seen);
+            }
+            assert!(due.is_empty() && scene.bounds(id) != Ok(bounds), "the mover has a volume");
+            volumes.begin_frame(&mut scene, jump, &mut due);
+            assert_eq!(due.contains(&id), is_due, "at the time {jump}");
+        }
+    }
 
     /// Tests positions that are exact in f64 and rounded to f32 by the caller, at both ends of a motion at
     /// exactly the greatest speed.
@@ -506,6 +577,20 @@ mod tests {
             let speed = speed.abs() * scale as f32;
             let bounds = |at: f64| Aabb::new(DVec3::splat(at).as_vec3(), DVec3::splat(at).as_vec3());
             let volume = Motion::new(speed).volume(&bounds(start), time).unwrap();
+            // A caller that rounds inwards: each side is off by up to a step.
+            let rounded = DVec3::splat(start).as_vec3();
+            let low = if f64::from(rounded.x) < start { rounded.x.next_up() } else { rounded.x };
+            let high = if f64::from(rounded.x) > start { rounded.x.next_down() } else { rounded.x };
+            let of = |at: f32| {
+                let bounds = Aabb::new(Vec3::splat(at), Vec3::splat(at));
+                Motion::new(speed).volume(&bounds, time).unwrap()
+            };
+            let least = Aabb::new(of(low).min, of(high).max);
+            for end in [start - f64::from(speed) * time, start + f64::from(speed) * time] {
+                let end = Aabb::from_world(DVec3::splat(end), DVec3::splat(end), DVec3::ZERO);
+                let holds = least.min.cmple(end.min).all() && end.max.cmple(least.max).all();
+                assert!(holds, "{least:?} of sides rounded inwards, {end:?}");
+            }
             for end in [start - f64::from(speed) * time, start + f64::from(speed) * time] {
                 // The caller may also round outwards.
                 let end = Aabb::from_world(DVec3::splat(end), DVec3::splat(end), DVec3::ZERO);

@@ -35,3 +35,20 @@ impl Places {
         block[index % BLOCK] = place.unwrap_or(NONE);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_kept_by_index() {
+        let mut places = Places::new();
+        for index in [0, BLOCK - 1, BLOCK, 5 * BLOCK + 3] {
+            assert_eq!(places.get(index), None, "index {index} at first");
+            places.set(index, Some(index as u32 + 7));
+            assert_eq!(places.get(index), Some(index as u32 + 7), "index {index}");
+            places.set(index, None);
+            assert_eq!(places.get(index), None, "index {index} at last");
+        }
+    }
+}

@@ -21,6 +21,8 @@
 mod nearest;
 mod ray;
 mod region;
+#[cfg(test)]
+mod tests;
 
 pub use nearest::Neighbor;
 pub use ray::{Ray, RayError, RayHit};

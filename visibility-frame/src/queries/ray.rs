@@ -93,7 +93,7 @@ impl Ray {
     /// least 0, and 0 for a box around the ray's origin. Returns the mask of the lanes whose box the ray may
     /// hit; bit i stands for lane i, and the parameters of other lanes are meaningless.
     #[inline(always)]
-    fn hits(&self, boxes: &Boxes64, enter: &mut [f32; FAN_OUT]) -> u64 {
+    pub(super) fn hits(&self, boxes: &Boxes64, enter: &mut [f32; FAN_OUT]) -> u64 {
         let mut exit = [self.end; FAN_OUT];
         *enter = [0.0; FAN_OUT];
         for axis in 0..3 {

@@ -286,6 +286,30 @@ mod tests {
         assert!(counts.iter().flatten().all(|&count| count > 100), "{counts:?} without and with a window");
     }
 
+    /// A frame knows its eye as well as core does, relative to the origin of the level, however far that is.
+    #[test]
+    fn frames_have_the_error_of_their_eye() {
+        let corners = [Vec3::ZERO, Vec3::new(9.0, 9.0, 0.0), Vec3::new(9.0, 0.0, 9.0)];
+        let triangles = [LevelTriangle { corners, two_sided: true }];
+        let level = Arc::new(LevelOccluders::new(&triangles, LevelSettings::default()).unwrap());
+        let mut errors = [(); 2].map(|()| [0.0; 2]);
+        for (i, origin) in [DVec3::ZERO, DVec3::new(1e7, 0.1, 0.3)].into_iter().enumerate() {
+            let level = PreparedLevel::new(level.clone(), origin);
+            let pose = Pose::look_at(origin - DVec3::X, origin + DVec3::new(1.0, 0.2, 0.3), DVec3::Z);
+            let window = Window::centered(9.0, 9.0);
+            let views =
+                [View::perspective(pose, 1.0, 1.0, 0.1, 9.0), View::orthographic(pose, window, 0.1, 9.0)];
+            for (error, view) in errors[i].iter_mut().zip(views) {
+                let view = view.unwrap();
+                let new = LevelFrame::new(&view, &level, [64; 2], [64; 2], Coverage::Conservative, 16.0);
+                *error = new.unwrap().eye_error;
+                assert_eq!(*error, ViewProjection::new(&view, origin).eye_error(), "error from {origin}");
+            }
+        }
+        let [near, far] = errors;
+        assert!(near.iter().chain(&far).all(|&error| error > 0.0) && far[0] > near[0], "{near:?} {far:?}");
+    }
+
     /// Points in the picture move by no more pixels than the bound, in pictures beside the middle of the view
     /// as well. The slack holds a vertex's error, the bend and 16 units of round-off.
     #[test]

@@ -1,13 +1,14 @@
 //! Tests of a walk through a single flat cell.
 
-use super::{Budget, FrameContext, PlpSettings, Walk};
+use super::state::CellState;
+use super::{Budget, FrameContext, PlpSettings, Projected, Walk};
 use crate::cell_frustum::CellFrustum;
 use crate::content::Content;
 use crate::tessellation::{Face, Tessellation};
 use alloc::vec::Vec;
 use visibility_core::glam::{DAffine3, DVec3, Vec3};
 use visibility_core::scene::SharedTriangles;
-use visibility_core::{Aabb, Object, Pose, Scene, View, VisibleSet};
+use visibility_core::{Aabb, Object, ObjectId, Pose, Scene, View, VisibleSet};
 
 /// One cell without thickness, which holds all objects.
 struct Sheet {
@@ -43,12 +44,13 @@ impl Tessellation for Sheet {
     }
 }
 
-/// Returns a cell of 12 triangles in one plane that face along z. `thickness` scales the mesh along z.
+/// Returns a cell of 12 triangles in one plane that face along z, of objects that cost 5 each. `thickness`
+/// scales the mesh along z.
 fn sheet(scene: &mut Scene, thickness: f64) -> Sheet {
     for i in 0..12u8 {
         let corner = Vec3::new(f32::from(i % 4) * 0.1, f32::from(i / 4) * 0.1, 0.0);
         let t = [corner, corner + Vec3::X * 0.1, corner + Vec3::Y * 0.1];
-        let id = scene.insert(Object::new(Aabb::from_points(t)));
+        let id = scene.insert(Object { cost: 5, ..Object::new(Aabb::from_points(t)) });
         let placed = DAffine3::from_scale(DVec3::new(1.0, 1.0, thickness));
         scene.set_triangles(id, SharedTriangles::from([t]).placed(placed)).unwrap();
     }
@@ -57,9 +59,15 @@ fn sheet(scene: &mut Scene, thickness: f64) -> Sheet {
     Sheet { content, bounds: Aabb::from_arrays([0.0; 3], [0.5, 0.5, 0.0]) }
 }
 
-/// Returns how many objects a walk keeps that is one-sided and without a budget, from an eye `below` metres
-/// behind the triangles, whose error is a metre.
-fn kept_from(below: f64, scene: &Scene, cell: &Sheet) -> usize {
+/// Returns how many objects a walk keeps, of those that `keep` agrees to, from an eye `below` metres behind
+/// the triangles, whose error is a metre.
+fn kept(
+    below: f64,
+    scene: &Scene,
+    cell: &Sheet,
+    settings: PlpSettings,
+    mut keep: impl FnMut(ObjectId, f32) -> bool,
+) -> usize {
     let eye = DVec3::new(0.2, 0.2, -below);
     let pose = Pose::look_at(eye, eye + DVec3::Z, DVec3::X);
     let view = View::perspective(pose, 2.0, 1.0, 0.01, 9.0).unwrap();
@@ -67,15 +75,22 @@ fn kept_from(below: f64, scene: &Scene, cell: &Sheet) -> usize {
     frustum.eye_error = 1.0;
     let mut visible = VisibleSet::new();
     visible.fill(scene, &view);
-    let settings = PlpSettings { one_sided: true, ..PlpSettings::new(Budget::Objects(usize::MAX)) };
     let frame = FrameContext { tessellation: cell, scene, visible: &visible, frustum, settings };
-    let (mut walk, keep) = (Walk::default(), &mut |_, _| true);
-    assert!(walk.begin(&frame, keep), "the cell is of this scene");
+    let mut walk = Walk::default();
+    assert!(walk.begin(&frame, &mut keep), "the cell is of this scene");
     while let Some(cell) = walk.next() {
-        walk.step(&frame, cell, keep);
+        if walk.step(&frame, cell, &mut keep) == Projected::OutOfBudget {
+            return walk.order.len();
+        }
     }
-    walk.emit(&frame, 0.0, keep);
+    walk.emit(&frame, 0.0, &mut keep);
     walk.order.len()
+}
+
+/// Returns how many objects a walk keeps that is one-sided and without a budget, as [`kept`] does.
+fn kept_from(below: f64, scene: &Scene, cell: &Sheet) -> usize {
+    let settings = PlpSettings { one_sided: true, ..PlpSettings::new(Budget::Objects(usize::MAX)) };
+    kept(below, scene, cell, settings, |_, _| true)
 }
 
 /// An eye that is off by more than half of the near distance, or infinitely far away, may be in another cell:
@@ -128,4 +143,54 @@ fn objects_that_change_twice_are_kept_once() {
         scene.set_bounds(id, Aabb::from_arrays([0.0; 3], [size, size, 0.0])).unwrap();
     }
     assert_eq!(kept_from(1.1, &scene, &cell), 1, "objects kept");
+}
+
+/// The budget is spent to its end, and objects beyond it are not kept: none of a budget of 0, one of any cost
+/// of a budget by cost.
+#[test]
+fn budgets_are_spent_to_their_end() {
+    let mut scene = Scene::new();
+    let cell = sheet(&mut scene, 1.0);
+    let kept = |budget: Budget, agrees: usize| {
+        let mut asked = 0;
+        kept(1.1, &scene, &cell, PlpSettings::new(budget), |_, _| {
+            asked += 1;
+            asked <= agrees
+        })
+    };
+    let objects = [0, 1, 3, 12, 99].map(|count| kept(Budget::Objects(count), 99));
+    assert_eq!(objects, [0, 1, 3, 12, 12], "by number, of triangles that are seen from behind");
+    let costs = [0, 3, 5, 9, 10, 12].map(|cost| kept(Budget::Cost(cost), 99));
+    assert_eq!(costs, [0, 1, 1, 1, 2, 2], "by cost, of objects that cost 5");
+    assert_eq!([0, 4].map(|agrees| kept(Budget::Objects(12), agrees)), [0, 4], "as many as are agreed to");
+}
+
+/// An object that has the index of one that was removed is kept, although the log names both.
+#[test]
+fn an_object_in_the_place_of_one_that_was_removed_is_kept() {
+    let mut scene = Scene::new();
+    let cell = sheet(&mut scene, 1.0);
+    let removed = scene.id_at(5).unwrap();
+    scene.remove(removed).unwrap();
+    let id = scene.insert(Aabb::from_arrays([0.0; 3], [0.5, 0.5, 0.0]));
+    assert_eq!(id.index(), removed.index(), "the index is used again");
+    assert_eq!(kept_from(1.1, &scene, &cell), 1, "objects kept");
+}
+
+/// A cell of the front is done once its neighbours are in the front and no objects are left.
+#[test]
+fn cells_with_something_left_to_do_come_out_of_the_front() {
+    for (is_closed, end_side, expected) in
+        [(false, 0, Some(0)), (false, 1, Some(0)), (true, 1, Some(0)), (true, 0, None)]
+    {
+        let mut walk = Walk::default();
+        walk.cells.push(CellState { end_side, ..CellState::UNKNOWN });
+        walk.closed.reset(1);
+        if is_closed {
+            walk.closed.insert(0);
+        }
+        walk.front.reserve(1);
+        walk.front.push(0.5, 0);
+        assert_eq!(walk.next(), expected, "neighbours in the front: {is_closed}, sides left: {end_side}");
+    }
 }

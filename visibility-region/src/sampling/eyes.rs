@@ -27,7 +27,8 @@ impl<'a> Eyes<'a> {
         let (min, max) = (cell.min - origin, cell.max - origin);
         let inset = (max - min) * INSET;
         let (min, max) = (min + inset, max - inset);
-        let usable = min.is_finite() && max.is_finite() && cell.min.cmple(cell.max).all();
+        // The inset of a corner that is not finite is not finite, and makes `min` so too.
+        let usable = min.is_finite() && cell.min.cmple(cell.max).all();
         // The inset rounds, and may invert a box that is flat or a point.
         usable.then(|| Self { min: min.min(max), max: min.max(max), origin, planes: &cell.planes })
     }
@@ -77,5 +78,103 @@ impl<'a> Eyes<'a> {
         }
         let p = (x + along * (least + (most - least) * random.unit())).clamp(self.min, self.max);
         self.contains(p).then_some(p)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn eyes(cell: &Viewcell) -> Option<Eyes<'_>> {
+        Eyes::new(cell, DVec3::ZERO)
+    }
+
+    #[test]
+    fn viewcells_have_eyes_if_they_are_finite_and_not_inverted() {
+        let (low, high) = (DVec3::new(-1.0, 2.0, 3.0), DVec3::new(4.0, 5.0, 6.0));
+        let mut random = Random(3);
+        for axis in 0..3 {
+            let (mut flat, mut beyond) = (high, low);
+            flat[axis] = low[axis];
+            beyond[axis] = f64::INFINITY;
+            let cell = Viewcell::from_box(low, flat);
+            let eye = eyes(&cell).unwrap().random(&mut random).unwrap();
+            assert!(cell.contains(eye), "an eye at {eye} of a viewcell that is flat across axis {axis}");
+            assert!(eyes(&Viewcell::from_box(low, beyond)).is_none(), "no end along axis {axis}");
+            assert!(eyes(&Viewcell::from_box(-beyond, high)).is_none(), "no beginning along axis {axis}");
+            let mut cell = Viewcell::from_box(low, high);
+            cell.max[axis] = low[axis] - 1.0;
+            assert!(eyes(&cell).is_none(), "inverted along axis {axis}");
+        }
+        let point = Viewcell::from_box(DVec3::splat(0.1), DVec3::splat(0.1));
+        assert_eq!(eyes(&point).unwrap().at(DVec3::ONE), Some(point.min), "the eye of a point");
+    }
+
+    /// Eyes are on the side of each plane that its normal points to, also of a moved origin.
+    #[test]
+    fn eyes_are_within_the_planes_of_a_viewcell() {
+        let mut cell = Viewcell::from_box(DVec3::splat(10.0), DVec3::splat(14.0));
+        cell.planes.push(Plane::new(DVec3::X, -12.0));
+        let eyes = Eyes::new(&cell, DVec3::splat(8.0)).unwrap();
+        let mut random = Random(6);
+        for _ in 0..200 {
+            let eye = eyes.random(&mut random).unwrap() + 8.0;
+            assert!(cell.contains(eye) && eye.x >= 12.0, "{eye} is beyond the plane");
+        }
+        assert_eq!(eyes.at(DVec3::new(0.4, 0.5, 0.5)), None, "a point before the plane");
+        let gap = DVec3::new(3.0, 4.0, 4.0);
+        assert_eq!(eyes.on_line(gap.with_y(20.0), gap, &mut random), None, "a line before the plane");
+    }
+
+    /// Eyes on a line are in the viewcell, on the line, at the gap or beyond it.
+    #[test]
+    fn eyes_on_a_line_are_beyond_the_gap_and_in_the_viewcell() {
+        let (low, high) = (DVec3::new(-1.0, -2.0, -3.0), DVec3::new(3.0, 2.0, 1.0));
+        let cell = Viewcell::from_box(low, high);
+        let eyes = eyes(&cell).unwrap();
+        let (mut random, mut points) = (Random(4), visibility_testing::Random(5));
+        let (mut found, mut missed) = (0, 0);
+        for round in 0..1000 {
+            let x = points.vector(9.0);
+            let aim = points.vector(3.0);
+            let mut gap = x + (aim - x) * random.unit() * 1.2;
+            let flat = random.below(6);
+            if flat < 3 {
+                gap[flat] = x[flat];
+            }
+            let along = gap - x;
+            // The parameters of the line in the viewcell, by sampling.
+            let is_inside = |t: f64| {
+                let p = x + along * t;
+                p.cmpge(low + 0.01).all() && p.cmple(high - 0.01).all()
+            };
+            let is_crossed = (0..1500u16).any(|i| is_inside(1.0 + f64::from(i) * 0.015));
+            match eyes.on_line(x, gap, &mut random) {
+                Some(eye) => {
+                    found += 1;
+                    assert!(cell.contains(eye), "{round}: {eye} is in the viewcell");
+                    let t = (eye - x).dot(along) / along.length_squared();
+                    assert!(t >= 1.0 - 1e-5, "{round}: {eye} is before the gap");
+                    assert!((x + along * t).distance(eye) < 1e-5, "{round}: {eye} is beside the line");
+                }
+                None => {
+                    missed += 1;
+                    assert!(!is_crossed, "{round}: the line from {x} through {gap} crosses the viewcell");
+                }
+            }
+        }
+        assert!(found > 100 && missed > 100, "{found} {missed}");
+        let [x, gap] = [9.0, 6.0].map(|y| DVec3::new(high.x, y, 0.0));
+        assert_eq!(eyes.on_line(x, gap, &mut random), None, "a line along a side, outside of the inset");
+        let [x, gap] = [9.0, 6.0].map(|y| DVec3::new(eyes.max.x, y, 0.0));
+        assert!(eyes.on_line(x, gap, &mut random).is_some(), "a line along the inset");
+        let [x, gap] = [9.0, 6.0].map(|y| DVec3::new(eyes.min.x, y, 0.0));
+        assert!(eyes.on_line(x, gap, &mut random).is_some(), "a line along the inset, at the least corner");
+        assert_eq!(
+            eyes.on_line(DVec3::ZERO, DVec3::ZERO, &mut random),
+            None,
+            "no direction, in the viewcell"
+        );
+        assert_eq!(eyes.on_line(low, low, &mut random), None, "no direction, outside of the inset");
     }
 }

@@ -283,3 +283,161 @@ impl TriangleTree {
         *end = ends.min_by(|a, b| a.2.total_cmp(&b.2)).map(|&(_, triangle, at)| (triangle, at));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::Object;
+    use visibility_core::glam::DVec3;
+    use visibility_testing::Random;
+
+    /// Returns the parameter at which a ray meets a triangle, and whether it comes from the front.
+    fn met(ray: &Ray, corners: &[Vec3; 3]) -> Option<(f64, bool)> {
+        let p = corners.map(|p| p.as_dvec3() - ray.origin);
+        let sides: [f64; 3] = core::array::from_fn(|i| ray.along.dot(p[(i + 1) % 3].cross(p[(i + 2) % 3])));
+        let normal = (p[1] - p[0]).cross(p[2] - p[0]);
+        let at = normal.dot(p[0]) / normal.dot(ray.along);
+        let is_met = sides.iter().all(|&side| side > 0.0) || sides.iter().all(|&side| side < 0.0);
+        (is_met && at > 0.0).then_some((at, sides[0] < 0.0))
+    }
+
+    /// What rays see among random triangles, of objects that block or not and have backs or not, is compared
+    /// with what a loop over all triangles finds.
+    #[test]
+    fn rays_see_what_a_loop_over_all_triangles_finds() {
+        let mut random = Random(21);
+        let mut counts = [0; 3];
+        for count in [1, 4, 5, 8, 30, 100] {
+            let mut scene = Scene::new();
+            let mut objects: Vec<(ObjectOf, Vec<[Vec3; 3]>)> = Vec::new();
+            for _ in 0..count {
+                let middle = random.vec3(-9.0, 9.0);
+                let size = if random.one_in(3) { 6.0 } else { 2.0 };
+                let number = 1 + random.below(3);
+                let triangles: Vec<[Vec3; 3]> =
+                    (0..number).map(|_| [(); 3].map(|()| middle + random.vec3(-size, size))).collect();
+                let of = ObjectOf { blocks: !random.one_in(3), one_sided: random.one_in(3) };
+                let bounds = Aabb::from_points(triangles.iter().flatten().copied());
+                let object = Object { occluder: of.blocks, one_sided: of.one_sided, ..Object::new(bounds) };
+                let id = scene.insert(object);
+                assert_eq!(id.index(), objects.len(), "objects have the indices of their insertion");
+                scene.set_triangles(id, triangles.as_slice()).unwrap();
+                objects.push((of, triangles));
+            }
+            let mut tree = TriangleTree::new();
+            tree.sync(&scene);
+            let mut cast = Cast::new();
+            for round in 0..600 {
+                let [origin, target] = [(); 2].map(|()| random.vec3(-12.0, 12.0).as_dvec3());
+                let ray = Ray::through(origin, target).unwrap();
+                let hits: Vec<(usize, f64)> = (0..)
+                    .zip(&objects)
+                    .flat_map(|(index, (of, triangles))| {
+                        let met = triangles.iter().filter_map(|triangle| met(&ray, triangle));
+                        met.filter(|&(_, is_front)| is_front || !of.one_sided).map(move |(at, _)| (index, at))
+                    })
+                    .collect();
+                // An object is seen where no other object blocks the ray before.
+                let first = |index: usize| {
+                    hits.iter().filter(|hit| hit.0 == index).map(|hit| hit.1).fold(f64::INFINITY, f64::min)
+                };
+                let blocked = |index: usize| {
+                    let others = hits.iter().filter(|hit| hit.0 != index && objects[hit.0].0.blocks);
+                    others.map(|hit| hit.1).fold(f64::INFINITY, f64::min)
+                };
+                let is_seen = |index: usize| first(index) < blocked(index);
+                tree.cast(&ray, &mut cast);
+                let seen: Vec<usize> = (0..objects.len())
+                    .filter(|&index| cast.seen.iter().any(|seen| seen.0 as usize == index))
+                    .collect();
+                let expected: Vec<usize> = (0..objects.len()).filter(|&index| is_seen(index)).collect();
+                assert_eq!(seen, expected, "{count} objects, ray {round}: {ray:?}");
+                for &(index, triangle, at) in &cast.seen {
+                    let (of, _) = &objects[index as usize];
+                    let exact = met(&ray, &tree.corners(triangle)).unwrap();
+                    assert!(exact.1 || !of.one_sided, "{count} objects, ray {round}: the back of {index}");
+                    assert!((exact.0 - at).abs() < 1e-6, "{count} objects, ray {round}: {at} is {exact:?}");
+                    // Of an object that blocks, nothing is seen behind the place where it ends the ray.
+                    let is_first = exact.0 < first(index as usize) + 1e-6;
+                    assert!(is_first || !of.blocks, "{count} objects, ray {round}: {index} hides itself");
+                    assert!(at < blocked(index as usize), "{count} objects, ray {round}: {index} is hidden");
+                }
+                let blockers = hits.iter().filter(|hit| objects[hit.0].0.blocks);
+                let end = blockers.min_by(|a, b| a.1.total_cmp(&b.1));
+                assert_eq!(cast.end.is_some(), end.is_some(), "{count} objects, ray {round}: {:?}", cast.end);
+                if let (Some((_, at)), Some(&(_, exact))) = (cast.end, end) {
+                    assert!((at - exact).abs() < 1e-6, "{count} objects, ray {round}: ends at {at}, {exact}");
+                }
+                counts[0] += seen.len();
+                counts[1] += usize::from(cast.end.is_some());
+                counts[2] += hits.len();
+            }
+        }
+        assert!(counts[0] > 800 && counts[1] > 500 && counts[2] > counts[0] + 300, "{counts:?}");
+    }
+
+    #[derive(Clone, Copy)]
+    struct ObjectOf {
+        blocks: bool,
+        one_sided: bool,
+    }
+
+    /// A flattened mesh has no certain front: a one-sided object that has one is seen, and blocks nothing.
+    #[test]
+    fn flattened_meshes_of_one_sided_objects_do_not_block() {
+        let wall = Aabb::from_arrays([-1.0, -1.0, 4.0], [1.0, 1.0, 4.5]);
+        for (scale, one_sided, blocks) in
+            [(1.0, false, true), (1.0, true, true), (0.0, false, true), (0.0, true, false)]
+        {
+            let mut scene = Scene::new();
+            let bounds = Aabb::from_arrays([-1.0, -1.0, 0.0], [1.0, 1.0, 4.5]);
+            let id = scene.insert(Object { occluder: true, one_sided, ..Object::new(bounds) });
+            let mesh = scene.add_mesh(OccluderMesh::cuboid(&wall).unwrap());
+            scene.set_mesh(id, mesh, Affine3A::from_scale(Vec3::new(1.0, 1.0, scale))).unwrap();
+            let mut tree = TriangleTree::new();
+            tree.sync(&scene);
+            let owner = &tree.objects[id.index()];
+            assert_eq!(owner.blocks, blocks, "scaled by {scale}, one-sided: {one_sided}");
+            assert_eq!(owner.one_sided, one_sided && blocks, "scaled by {scale}, one-sided: {one_sided}");
+        }
+    }
+
+    /// A wall whose corners a transform moves far away: a ray that passes its rounded border within the
+    /// slack may be blocked, although it misses the box around the rounded corners.
+    #[test]
+    fn rays_within_the_slack_of_a_wall_are_not_free() {
+        let mut scene = Scene::new();
+        let wall = Aabb::from_arrays([-1.0, -1.0, 4.0], [1.0, 1.0, 4.5]);
+        let far = 1e4f32;
+        let placed = Aabb::new(wall.min + Vec3::X * far, wall.max + Vec3::X * far);
+        let id = scene.insert(Object { occluder: true, ..Object::new(placed) });
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&wall).unwrap());
+        scene.set_mesh(id, mesh, Affine3A::from_translation(Vec3::X * far)).unwrap();
+        let target = Aabb::from_arrays([far - 9.0, -9.0, 9.0], [far + 9.0, 9.0, 10.0]);
+        let behind = scene.insert(Object::new(target));
+        let mut tree = TriangleTree::new();
+        tree.sync(&scene);
+        let slack = f64::from(tree.objects[id.index()].slack);
+        assert!(slack >= f64::from(far) * ROUNDED, "{slack}: the rounding of a corner");
+        let mut cast = Cast::new();
+        let mut is_seen = |beyond: f64| {
+            let from = DVec3::new(f64::from(far), 1.0 + beyond, 0.0);
+            tree.cast(&Ray::through(from, from + DVec3::Z).unwrap(), &mut cast);
+            cast.seen.iter().any(|seen| seen.0 as usize == behind.index())
+        };
+        for part in [-0.9, -0.1, 0.1, 0.5, 0.9] {
+            assert!(!is_seen(part * slack), "{part} of the slack beside the wall");
+        }
+        assert!(is_seen(300.0 * slack), "a ray far beside the wall");
+        // Each node holds its triangles with their slack.
+        for node in &tree.nodes {
+            let own = &tree.order[node.start as usize..][..node.count as usize];
+            for p in own.iter().flat_map(|&t| tree.corners(t).map(|p| (p, tree.owners[t as usize]))) {
+                let slack = Vec3::splat(tree.objects[p.1 as usize].slack);
+                let holds =
+                    node.bounds.contains_point(p.0 - slack) && node.bounds.contains_point(p.0 + slack);
+                assert!(holds, "{:?} with {slack} in {:?}", p.0, node.bounds);
+            }
+        }
+    }
+}

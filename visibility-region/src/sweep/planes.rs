@@ -259,6 +259,15 @@ mod tests {
         }
     }
 
+    #[test]
+    fn an_opened_cone_contains_the_direction_itself() {
+        let slopes = [[0.5, 1.0], [-1.0, -0.5]];
+        let opened = Cone { slopes, first: 0.1, deepest: 100.0, near: 0.05 }.opened();
+        assert_eq!(opened.slopes, [[0.0, 1.0], [-1.0, 0.0]], "slopes of an opened cone");
+        let around = Cone { slopes: [[-1.0, 1.0]; 2], ..opened };
+        assert_eq!(around.opened().slopes, around.slopes, "a cone that contains it already");
+    }
+
     /// Occluders whose vertices err by more than the margins of planes and occludees are not drawn, and none
     /// that cannot cover a pixel.
     #[test]

@@ -67,3 +67,39 @@ impl ExtendedProjectionCuller {
         });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use visibility_core::glam::Affine3A;
+    use visibility_core::{Aabb, Object, OccluderMesh};
+
+    /// A wall that covers the middle of a map: pixels beyond the ends of rows and columns are not covered.
+    #[test]
+    fn pixels_outside_of_the_map_are_not_covered() {
+        const SIDE: usize = ProjectionPlane::SIDE;
+        let mut scene = Scene::new();
+        let wall = Aabb::from_arrays([4.0, -30.0, -30.0], [4.5, 30.0, 30.0]);
+        let id = scene.insert(Object { occluder: true, ..Object::new(wall) });
+        let mesh = scene.add_mesh(OccluderMesh::cuboid(&wall).unwrap());
+        scene.set_mesh(id, mesh, Affine3A::IDENTITY).unwrap();
+        scene.insert(Aabb::from_arrays([40.0, -90.0, -90.0], [41.0, 90.0, 90.0]));
+        let cell = Viewcell::from_box(DVec3::splat(-0.5), DVec3::splat(0.5));
+        let (mut covered, mut open) = (0, 0);
+        ExtendedProjectionCuller::new().for_each_plane(&scene, &cell, |plane| {
+            let pixels = (0..SIDE).step_by(16).flat_map(|y| (0..SIDE).step_by(16).map(move |x| (x, y)));
+            for (x, y) in pixels {
+                assert_eq!(plane.is_covered(x, y), plane.map.get(x, y), "pixel {x}, {y}");
+                covered += usize::from(plane.is_covered(x, y));
+                open += usize::from(!plane.is_covered(x, y));
+            }
+            for at in 0..SIDE {
+                for beyond in [SIDE, SIDE + 1, usize::MAX] {
+                    assert!(!plane.is_covered(beyond, at), "column {beyond} of row {at}");
+                    assert!(!plane.is_covered(at, beyond), "row {beyond} of column {at}");
+                }
+            }
+        });
+        assert!(covered > 100 && open > 100, "{covered} covered, {open} open");
+    }
+}

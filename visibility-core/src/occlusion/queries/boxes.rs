@@ -194,9 +194,10 @@ impl<D: QueryDevice> Boxes<D> {
         });
         let question = questions.get_mut(index)?;
         question.tested = frame;
+        // `renewed` is not after `frame`, and a visible box is due after the frame of its answer: none is
+        // asked about twice in a frame.
         let is_due = question.answer.is_none_or(|answer| {
-            answer.frame < frame
-                && if answer.is_hidden { answer.frame < renewed } else { question.due <= frame }
+            if answer.is_hidden { answer.frame < renewed } else { question.due <= frame }
         });
         if is_due && !question.under_way {
             question.under_way = true;

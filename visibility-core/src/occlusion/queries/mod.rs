@@ -271,7 +271,8 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
         self.is_frame_open = self.is_ahead;
         self.drawn = [Fingerprint::new(), self.drawn[0]];
         // A frame that begins with a look ahead gets answers about all that it draws, so it needs no others.
-        if self.view != Some(*view) || (self.is_ahead && !is_same_frame) {
+        // Its later looks find `since` at their frame already.
+        if self.view != Some(*view) || self.is_ahead {
             self.view = Some(*view);
             self.since = self.frame;
         }
@@ -286,6 +287,9 @@ impl<D: QueryDevice> OcclusionMap for HardwareQueries<D> {
     }
 
     fn add(&mut self, occluder: &OccluderMesh, transform: &Affine3A) {
+        if !self.clip_planes.is_some_and(|planes| occluder.is_inside(&planes, transform)) {
+            return;
+        }
         let numbers = transform.to_cols_array().map(f32::to_bits).into_iter();
         let hash = numbers.fold(self.drawn[0], Fingerprint::with);
         self.drawn[0] = hash.with_u64(occluder.fingerprint().value());

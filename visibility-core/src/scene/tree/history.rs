@@ -225,3 +225,85 @@ impl History {
         None
     }
 }
+
+#[cfg(test)]
+#[cfg(target_has_atomic = "ptr")]
+mod tests {
+    use super::*;
+    use visibility_testing::Random;
+
+    const NODES: usize = 7;
+
+    /// Content of a node: its level and its ids.
+    type Content = (u8, [ObjectId; FAN_OUT]);
+
+    fn content(number: u32) -> Content {
+        (number as u8, core::array::from_fn(|lane| ObjectId { index: number, generation: lane as u32 }))
+    }
+
+    /// Changes nodes at random while results of earlier states come and go, and asserts that each result
+    /// reads the nodes as they were when its token was taken. The log holds no more copies than the results
+    /// can read, up to a factor.
+    #[test]
+    fn results_read_nodes_as_they_were() {
+        for seed in 0..40 {
+            let mut rng = Random(seed);
+            let (hold, changes) = (rng.pick(&[0, 1, 3, 12]), rng.pick(&[1, 5, 60]));
+            let (mut log, mut results) = (History::default(), Vec::new());
+            let mut nodes: [Content; NODES] = core::array::from_fn(|node| content(node as u32));
+            for number in 0..1500u32 {
+                if rng.one_in(changes) {
+                    let token = log.token().expect("the processor has atomic counts");
+                    results.push((token, nodes));
+                }
+                while results.len() > hold {
+                    results.swap_remove(rng.below(results.len()));
+                }
+                let node = rng.below(NODES);
+                if log.is_needed() {
+                    let (level, ids) = &nodes[node];
+                    log.copy(node, NODES, *level, ids);
+                } else {
+                    assert!(results.is_empty(), "seed {seed}, change {number}: results are left to read");
+                }
+                nodes[node] = content(number + 100);
+                for (token, then) in &results {
+                    for (node, (level, ids)) in then.iter().enumerate() {
+                        let (now_level, now_ids) = &nodes[node];
+                        assert_eq!(
+                            log.at(node, Some(token)).unwrap_or((*now_level, now_ids)),
+                            (*level, ids),
+                            "seed {seed}, change {number}: node {node} at the state of {token}"
+                        );
+                    }
+                }
+                assert_eq!(log.at(node, None), None, "without a token, nodes are as they are now");
+                let most = (hold + 3) * NODES * 2;
+                assert!(log.copies.len() <= most, "seed {seed}: {} copies of {most}", log.copies.len());
+            }
+            let is_long = hold > 0 && hold < 12;
+            assert!(!is_long || log.dropped > 0, "seed {seed}: no copy was dropped");
+        }
+    }
+
+    #[test]
+    fn nothing_is_copied_without_results() {
+        let mut log = History::default();
+        let (level, ids) = content(1);
+        assert!(!log.is_needed(), "no result was made");
+        log.copy(0, NODES, level, &ids);
+        let token = log.token();
+        assert!(log.is_needed() && log.copies.is_empty(), "a result of the present state may be read");
+        log.copy(0, NODES, level, &ids);
+        log.copy(0, NODES, level, &ids);
+        assert_eq!(log.copies.len(), 1, "a node is copied once for a state");
+        assert_eq!(
+            log.memory(),
+            size_of::<Copied>() + NODES * size_of::<u64>(),
+            "a copy and a list of nodes"
+        );
+        drop(token);
+        log.copy(1, NODES, level, &ids);
+        assert!(log.copies.is_empty() && !log.is_needed(), "without results, the copies are dropped");
+    }
+}

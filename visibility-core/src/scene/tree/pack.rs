@@ -46,3 +46,44 @@ fn most_spread_axis(order: &[u64], centers: &[Vec3A]) -> usize {
     // Halved before subtracting, since the full extent may overflow.
     crate::geometry::longest_axis((max * 0.5 - min * 0.5).to_array())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec::Vec;
+    use visibility_testing::Random;
+
+    #[test]
+    fn pieces_are_of_one_size_and_hold_each_item_once() {
+        let mut rng = Random(1);
+        for (count, pieces) in [(0, 1), (0, 2), (1, 1), (2, 2), (7, 2), (64, 5), (400, 7), (512, 8)] {
+            let centers: Vec<_> = (0..count).map(|_| rng.vector(10.0).as_vec3a()).collect();
+            let mut order: Vec<u64> = (0..count as u64).collect();
+            let mut taken: Vec<Vec<usize>> = Vec::new();
+            pack(&mut order, &centers, pieces, &mut |piece| {
+                taken.push(piece.iter().map(|&word| number(word)).collect());
+            });
+            let sizes: Vec<usize> = taken.iter().map(Vec::len).collect();
+            assert_eq!(sizes.len(), pieces, "{count} items: pieces");
+            let is_even = sizes.iter().all(|&size| size == count / pieces || size == count.div_ceil(pieces));
+            assert!(is_even, "{count} items in {pieces} pieces: {sizes:?}");
+            let packed: Vec<usize> = order.iter().map(|&word| number(word)).collect();
+            assert_eq!(taken.concat(), packed, "{count} items: pieces are consecutive in the order");
+            let mut all = packed;
+            all.sort_unstable();
+            assert!(all.into_iter().eq(0..count), "{count} items are there once");
+        }
+    }
+
+    #[test]
+    fn sets_are_split_across_their_longest_side() {
+        let centers: Vec<_> = (0..40).map(|i| Vec3A::new((i % 2) as f32, (i * 7 % 40) as f32, 0.5)).collect();
+        let mut order: Vec<u64> = (0..40).collect();
+        let mut highest = Vec::new();
+        pack(&mut order, &centers, 4, &mut |piece| {
+            let heights = piece.iter().map(|&word| centers[number(word)].y);
+            highest.push(heights.fold(f32::NEG_INFINITY, f32::max));
+        });
+        assert_eq!(highest, [9.0, 19.0, 29.0, 39.0], "four layers along y");
+    }
+}

@@ -115,3 +115,56 @@ fn all_stay(boxes: &Boxes64, free: u64, home: Option<&Aabb>) -> bool {
     let bad = bad.iter().enumerate().fold(0, |mask, (lane, &bad)| mask | u64::from(bad) << lane);
     bad & !free == 0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+    use visibility_testing::Random;
+
+    #[test]
+    fn one_test_of_all_lanes_agrees_with_a_test_of_each() {
+        let mut rng = Random(1);
+        let (mut stays, mut leaves) = (0, 0);
+        for case in 0..20_000 {
+            let corner = rng.vector(100.0).as_vec3();
+            let size = rng.vector(10.0).abs().as_vec3() + 1.0;
+            let home = (!rng.one_in(4)).then(|| Aabb::new(corner, corner + size));
+            let mut boxes = Boxes64::EMPTY;
+            let taken = rng.bits() & rng.bits() & rng.bits() & rng.bits();
+            for lane in lanes(taken) {
+                // Centres up to the size of `home` beside it, and some on the very limit.
+                let mut at = corner + size * rng.fine_vector(1.49).as_vec3() + 0.5 * size;
+                let axis = rng.below(3);
+                match rng.below(40) {
+                    0 => at[axis] = corner[axis] - size[axis],
+                    1 => at[axis] = corner[axis] + size[axis] + size[axis],
+                    _ => {}
+                }
+                let mut bounds = Aabb::new(at, at);
+                match rng.below(300) {
+                    0 => bounds.max[axis] = f32::NAN,
+                    1 => bounds.min[axis] = f32::NEG_INFINITY,
+                    2 => bounds.max[axis] = f32::INFINITY,
+                    3 => bounds.max[axis] -= 1.0,
+                    4 => bounds = Aabb::new(at - f32::MAX, at + f32::MAX),
+                    5 => bounds.min[axis] = bounds.max[axis] - 3.0 * size[axis],
+                    _ => {}
+                }
+                boxes.set(lane, &bounds);
+            }
+            let free = !taken | if rng.one_in(2) { rng.bits() } else { 0 };
+            let leaves_home = |lane: usize| {
+                let bounds = boxes.get(lane);
+                !bounds.is_finite() || home.is_some_and(|home| is_far(&home, &bounds))
+            };
+            let expected = !lanes(!free).any(leaves_home);
+            assert_eq!(all_stay(&boxes, free, home.as_ref()), expected, "case {case}: {home:?}");
+            (stays, leaves) = (stays + u32::from(expected), leaves + u32::from(!expected));
+        }
+        assert!(stays > 1000 && leaves > 1000, "{stays} blocks stay, of {leaves} a box leaves");
+        let far = |x: f32| is_far(&Aabb::new(Vec3::ZERO, Vec3::ONE), &Aabb::new(Vec3::X * x, Vec3::X * x));
+        let found = [(-1f32).next_down(), -1.0, 2.0, 2f32.next_up()].map(far);
+        assert_eq!(found, [true, false, false, true], "a box is far beyond the size of its home");
+    }
+}

@@ -225,6 +225,21 @@ fn edges_beyond_the_ends_of_segments_are_missed() {
     assert_eq!(found, [false, true], "an edge from a corner of the target to behind it");
 }
 
+/// A viewcell that is a point, and an edge to a corner of the target, in one plane across an axis. A sample
+/// line to that corner meets the edge, with a side of exactly 0. One to the inside of the target does not.
+#[test]
+fn sample_lines_to_an_end_of_an_edge_meet_it() {
+    let (mut world, _) = world();
+    let eye = DVec3::new(-72.0, 2.0, 0.0);
+    world.cell = CellBox { min: eye, max: eye };
+    let (check, sight) = world.node_from(-DVec3::X);
+    let corner = world.shapes[0][0];
+    let edge = [(corner, Some(0)), (DVec3::new(70.0, 2.0, 3.0), None)];
+    for (end, expected) in [(corner, false), (DVec3::new(80.0, 4.0, 3.0), true)] {
+        assert_eq!(check.is_missed(&sight, &edge, false, [eye, end]), expected, "a sample line to {end}");
+    }
+}
+
 /// Triangles that only one kind of plane separates from the viewcell polygon.
 #[test]
 fn each_kind_of_plane_separates() {
