@@ -579,27 +579,25 @@ mod tests {
 
     #[test]
     fn solid_and_leaking_regions_are_no_cells() {
-        let count = |polygons: &[ConvexPolygon], solid: SolidRule<'_>, one_sided: &[bool]| {
-            let settings = PolygonSettings::default().with_solid(solid).with_one_sided(one_sided);
+        let count = |polygons: &[ConvexPolygon], solid: SolidRule<'_>, margin: f64| {
+            let settings = PolygonSettings::default().with_solid(solid).with_margin(margin);
             from_polygons(polygons, &settings.with_tolerance(1e-3)).unwrap().graph.cell_count()
         };
         let [block, room] = [cube(false), cube(true)];
         let [within, around, away] = [2.0, -0.5, 50.0].map(|x| [DVec3::splat(x)]);
-        assert_eq!(count(&block, SolidRule::Nothing, &[]), 7, "around a block and within");
-        assert_eq!(count(&block, SolidRule::Backs, &[]), 6, "around a block");
-        assert_eq!(count(&room, SolidRule::Backs, &[]), 1, "within a room");
+        assert_eq!(count(&block, SolidRule::Nothing, 1.0), 7, "around a block and within");
+        assert_eq!(count(&block, SolidRule::Backs, 1.0), 6, "around a block");
+        assert_eq!(count(&room, SolidRule::Backs, 1.0), 7, "within a room, and what is joined around it");
         for (points, expected) in [(&within, 1), (&around, 6), (&away, 7)] {
-            assert_eq!(count(&block, SolidRule::Unreached(points), &[]), expected, "reached from {points:?}");
+            assert_eq!(count(&block, SolidRule::Unreached(points), 1.0), expected, "reached from {points:?}");
         }
-        assert_eq!(count(&block, SolidRule::Nothing, &[true; 6]), 6, "a block that is looked out of");
-        assert_eq!(count(&room, SolidRule::Nothing, &[true; 6]), 1, "a room that is looked into");
         // Half of a room is bounded by the back of a wall across it, and by fronts.
-        let mut divided = room.clone();
+        let mut divided = room;
         divided.push(rectangle(0, 2.0, [0.0, 4.0], [0.0, 4.0]));
-        assert_eq!(count(&divided, SolidRule::Backs, &[]), 2, "halves of a room");
+        assert_eq!(count(&divided, SolidRule::Backs, 0.0), 2, "halves of a room");
         // Regions without polygons are not solid.
         let narrow = [diagonal([0.0; 3], [4.0; 3])];
-        assert_eq!(count(&narrow, SolidRule::Backs, &[]), 1, "a box with nothing in it");
+        assert_eq!(count(&narrow, SolidRule::Backs, 1.0), 1, "a box with nothing in it");
     }
 
     #[test]
