@@ -48,3 +48,15 @@ impl SandwichSettings {
         Self { rays, ..self }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_clearance_is_as_it_was_set() {
+        for clearance in [0.0, 0.25, 1e-4] {
+            assert_eq!(SandwichSettings::default().with_clearance(clearance).clearance(), clearance);
+        }
+    }
+}
