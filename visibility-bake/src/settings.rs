@@ -56,7 +56,8 @@ mod tests {
     #[test]
     fn the_clearance_is_as_it_was_set() {
         for clearance in [0.0, 0.25, 1e-4] {
-            assert_eq!(SandwichSettings::default().with_clearance(clearance).clearance(), clearance);
+            let settings = SandwichSettings::default().with_clearance(clearance);
+            assert_eq!(settings.clearance(), clearance, "the clearance of {settings:?}");
         }
     }
 }

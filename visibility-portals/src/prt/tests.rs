@@ -117,7 +117,7 @@ fn counts_at_their_limits_are_read() {
         read(&format!("PRT1\n2\n1\n{count} 0 1{corners}\n"))
     };
     assert!(ring(64).is_ok(), "a portal of as many vertices as there may be");
-    assert_eq!(ring(65).unwrap_err().to_string(), "line 4: 65 vertices are more than 64");
+    assert_eq!(ring(65).unwrap_err().to_string(), "line 4: 65 vertices are more than 64", "one more");
     // As many cells as the length of the text and 65,536 allow, and one more.
     let length = "PRT1\n65550\n0\n".len();
     for (cells, is_read) in [(65_536 + length, true), (65_536 + length + 1, false)] {
